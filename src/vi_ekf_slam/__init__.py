@@ -1,0 +1,1 @@
+"""Python half of vi_ekf_slam: datasets, bags, evaluation and pictures."""
