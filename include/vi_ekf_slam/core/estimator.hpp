@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam {
+
+/// Where the IMU is, how it moves, and how well that is known. The world frame is the IMU frame at the start.
+struct StateEstimate {
+  Stamp stamp = 0;
+  SE3 world_T_imu;
+  /// 6x6 of (position error in m, rotation error in rad), both along the WORLD axes: p = p^ + dp,
+  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance, whatever the estimator uses inside.
+  Matrix6d pose_covariance = Matrix6d::Zero();
+  /// (v in m/s, omega in rad/s), both in the IMU frame.
+  Vector6d twist = Vector6d::Zero();
+  /// 6x6, same order and frame as `twist`.
+  Matrix6d twist_covariance = Matrix6d::Zero();
+};
+
+struct LandmarkEstimate {
+  FeatureId id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();      ///< world frame, m
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, world axes, marginal
+};
+
+/// What an estimator did with one stereo frame.
+struct FrameReport {
+  Stamp stamp = 0;
+  std::size_t features = 0;     ///< in the frame
+  std::size_t invalid = 0;      ///< not usable in themselves: not finite, no positive disparity, outside the range
+  std::size_t used = 0;         ///< corrected the state
+  std::size_t rejected = 0;     ///< contradicted the state (gate, consensus)
+  std::size_t initialised = 0;  ///< became landmarks
+  std::size_t removed = 0;      ///< landmarks taken out of the state
+  std::size_t landmarks = 0;    ///< in the state after the frame
+  bool frame_rejected = false;  ///< the frame as a whole was found impossible and not used
+  /// Normalised innovation squared of the features used and its degrees of freedom; 0 where none was used.
+  double nis = 0.0;
+  std::size_t nis_dof = 0;
+};
+
+/// A causal estimator of pose and map. Measurements come in the order of their stamps (see MeasurementBuffer);
+/// equal stamps are allowed. The first measurement starts the clock at the identity pose.
+class Estimator {
+ public:
+  virtual ~Estimator() = default;
+
+  /// Calibration of the stereo pair; before it is known frames only advance the clock, their features invalid.
+  virtual void setRig(const StereoRig& rig) = 0;
+
+  virtual void process(const GyroSample& sample) = 0;
+  virtual void process(const VelocitySample& sample) = 0;
+  virtual FrameReport process(const StereoFrame& frame) = 0;
+
+  /// The state at the stamp of the last measurement.
+  virtual StateEstimate state() const = 0;
+
+  /// Every landmark the estimator holds, ordered by id.
+  virtual std::vector<LandmarkEstimate> landmarks() const = 0;
+};
+
+struct Config;
+
+/// The estimator that `config.estimator` asks for.
+std::unique_ptr<Estimator> makeEstimator(const Config& config);
+
+}  // namespace vi_ekf_slam

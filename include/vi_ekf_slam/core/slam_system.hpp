@@ -1,0 +1,87 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/measurement_buffer.hpp"
+
+namespace vi_ekf_slam {
+
+/// The result of one processed measurement.
+struct Output {
+  StateEstimate state;
+  SE3 odom_T_imu;      ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
+  FrameReport report;  ///< only for frames
+};
+
+/// Counts since construction; a reset does not clear them.
+struct SystemCounts {
+  std::array<std::uint64_t, kStreamCount> processed{};
+  std::array<std::uint64_t, kStreamCount> late{};
+  std::array<std::uint64_t, kStreamCount> duplicate{};
+  std::array<std::uint64_t, kStreamCount> invalid{};  ///< not finite, or a covariance that is none
+  std::uint64_t frames_without_rig = 0;
+  std::uint64_t resets = 0;
+  std::uint64_t features = 0;
+  std::uint64_t features_invalid = 0;
+  std::uint64_t features_used = 0;
+  std::uint64_t features_rejected = 0;
+  std::uint64_t frames_rejected = 0;
+};
+
+/// The one way through the estimator, for node, nodelet, offline runner and tests alike:
+/// add -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's thread.
+class SlamSystem {
+ public:
+  explicit SlamSystem(const Config& config);
+
+  /// Called after each stereo frame, in the order of stamps.
+  void onFrame(std::function<void(const Output&)> handler) { on_frame_ = std::move(handler); }
+  /// Called after each gyro sample (the rate of smooth odometry).
+  void onGyro(std::function<void(const Output&)> handler) { on_gyro_ = std::move(handler); }
+  /// Called after a reset, with the reason.
+  void onReset(std::function<void(const std::string&)> handler) { on_reset_ = std::move(handler); }
+
+  /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time, unless the
+  /// configuration does not look at features at all.
+  void setRig(const StereoRig& rig);
+  bool hasRig() const { return rig_.has_value(); }
+
+  /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and counted.
+  void add(Measurement measurement);
+
+  /// Processes all that is still held: the data are over.
+  void flush();
+
+  /// Forgets state and map, keeps calibration and counts.
+  void reset(const std::string& reason);
+
+  const Estimator& estimator() const { return *estimator_; }
+  const SystemCounts& counts() const { return counts_; }
+  const Config& config() const { return config_; }
+
+ private:
+  bool waitingForRig() const;
+  void drain();
+  void process(const Measurement& measurement);
+
+  Config config_;
+  MeasurementBuffer buffer_;
+  std::unique_ptr<Estimator> estimator_;
+  DeadReckoning dead_reckoning_;
+  std::optional<StereoRig> rig_;
+  std::optional<Stamp> first_stamp_;
+  SystemCounts counts_;
+  std::function<void(const Output&)> on_frame_;
+  std::function<void(const Output&)> on_gyro_;
+  std::function<void(const std::string&)> on_reset_;
+};
+
+}  // namespace vi_ekf_slam
