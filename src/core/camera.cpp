@@ -46,4 +46,4 @@ Eigen::Matrix<double, 3, 4> StereoCamera::triangulateJacobian(const StereoPixels
   return J;
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

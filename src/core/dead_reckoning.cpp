@@ -19,4 +19,4 @@ void DeadReckoning::advanceTo(Stamp stamp) {
   stamp_ = stamp;
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

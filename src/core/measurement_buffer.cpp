@@ -53,4 +53,4 @@ void MeasurementBuffer::clear() {
   last_released_.reset();
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -78,8 +78,8 @@ Matrix6d leftJacobian(const Vector6d& xi) {
   const Eigen::Matrix3d P = so3::hat(phi), V = so3::hat(xi.head<3>());
   const Eigen::Matrix3d PV = P * V, VP = V * P, PVP = P * V * P;
   // Barfoot, eq. 7.86b.
-  const Eigen::Matrix3d Q = 0.5 * V + c1 * (PV + VP + PVP) + c2 * (P * PV + VP * P - 3.0 * PVP) +
-                            c3 * (PVP * P + P * PVP);
+  const Eigen::Matrix3d Q =
+      0.5 * V + c1 * (PV + VP + PVP) + c2 * (P * PV + VP * P - 3.0 * PVP) + c3 * (PVP * P + P * PVP);
   Matrix6d J = Matrix6d::Zero();
   J.topLeftCorner<3, 3>() = so3::leftJacobian(phi);
   J.bottomRightCorner<3, 3>() = J.topLeftCorner<3, 3>();
@@ -87,5 +87,5 @@ Matrix6d leftJacobian(const Vector6d& xi) {
   return J;
 }
 
-}  // namespace se3
-}  // namespace vi_ekf_slam
+} // namespace se3
+} // namespace vi_ekf_slam

@@ -18,13 +18,13 @@ bool isUsable(const Eigen::Vector3d& value, const std::optional<Eigen::Matrix3d>
 
 bool isUsable(const GyroSample& s) { return isUsable(s.angular_velocity, s.covariance); }
 bool isUsable(const VelocitySample& s) { return isUsable(s.linear_velocity, s.covariance); }
-bool isUsable(const StereoFrame&) { return true; }  // features are judged one by one, by the estimator
+bool isUsable(const StereoFrame&) { return true; } // features are judged one by one, by the estimator
 
 bool looksAtFeatures(const Config& config) {
   return !(config.estimator == EstimatorType::kPaper && config.paper.mode == PaperMode::kDeadReckoning);
 }
 
-}  // namespace
+} // namespace
 
 SlamSystem::SlamSystem(const Config& config)
     : config_(config), buffer_(config.buffer), estimator_(makeEstimator(config)) {}
@@ -102,4 +102,4 @@ void SlamSystem::process(const Measurement& measurement) {
   }
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -26,7 +26,7 @@ Coefficients coefficients(double theta2) {
   return {s / theta, 2.0 * half * half / theta2, (theta - s) / (theta2 * theta)};
 }
 
-}  // namespace
+} // namespace
 
 Eigen::Matrix3d hat(const Eigen::Vector3d& v) {
   Eigen::Matrix3d m;
@@ -42,7 +42,8 @@ Eigen::Matrix3d Exp(const Eigen::Vector3d& phi) {
 }
 
 Eigen::Vector3d Log(const Eigen::Matrix3d& R) {
-  // Through the quaternion: its vector part stays well conditioned at pi, where the matrix logarithm does not.
+  // Through the quaternion: its vector part stays well conditioned at pi, where the matrix logarithm does
+  // not.
   const Eigen::Quaterniond q(R);
   Eigen::Vector3d v = q.vec();
   double w = q.w();
@@ -84,4 +85,4 @@ bool isRotation(const Eigen::Matrix3d& R, double tolerance) {
   return R.allFinite() && error.cwiseAbs().maxCoeff() <= tolerance && R.determinant() > 0.0;
 }
 
-}  // namespace vi_ekf_slam::so3
+} // namespace vi_ekf_slam::so3

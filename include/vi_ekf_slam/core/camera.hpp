@@ -10,13 +10,14 @@ namespace vi_ekf_slam {
 /// Pixels (u_left, v_left, u_right, v_right) of one point in a rectified pair.
 using StereoPixels = Eigen::Vector4d;
 
-/// Rectified stereo pair (paper eq. 3 to 7). Points are in the left OPTICAL frame: x right, y down, z forward, m.
+/// Rectified stereo pair (paper eq. 3 to 7). Points are in the left OPTICAL frame: x right, y down, z
+/// forward, m.
 struct StereoCamera {
   double fu = 0.0;       ///< f s_u, px
   double fv = 0.0;       ///< f s_v, px
   double cu = 0.0;       ///< px
   double cv = 0.0;       ///< px
-  double baseline = 0.0;  ///< m, > 0: the right camera sits at (+baseline, 0, 0)
+  double baseline = 0.0; ///< m, > 0: the right camera sits at (+baseline, 0, 0)
 
   /// Whether all values are finite and focal lengths and baseline positive.
   bool isValid() const;
@@ -41,4 +42,4 @@ struct StereoRig {
   SE3 cam_T_imu;
 };
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -7,8 +7,9 @@
 
 namespace vi_ekf_slam {
 
-/// Integrates the measured twist: T <- T Exp(dt u), each sample held until the next (paper eq. 9 without noise, for
-/// the pose instead of its inverse). Starts at the identity with the first measurement, at rest until told otherwise.
+/// Integrates the measured twist: T <- T Exp(dt u), each sample held until the next (paper eq. 9 without
+/// noise, for the pose instead of its inverse). Starts at the identity with the first measurement, at rest
+/// until told otherwise.
 class DeadReckoning {
  public:
   void process(const GyroSample& sample);
@@ -26,4 +27,4 @@ class DeadReckoning {
   std::optional<Stamp> stamp_;
 };
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -15,7 +15,8 @@ struct StateEstimate {
   Stamp stamp = 0;
   SE3 world_T_imu;
   /// 6x6 of (position error in m, rotation error in rad), both along the WORLD axes: p = p^ + dp,
-  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance, whatever the estimator uses inside.
+  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance, whatever the estimator
+  /// uses inside.
   Matrix6d pose_covariance = Matrix6d::Zero();
   /// (v in m/s, omega in rad/s), both in the IMU frame.
   Vector6d twist = Vector6d::Zero();
@@ -25,33 +26,34 @@ struct StateEstimate {
 
 struct LandmarkEstimate {
   FeatureId id = 0;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();      ///< world frame, m
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< m^2, world axes, marginal
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();   ///< world frame, m
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero(); ///< m^2, world axes, marginal
 };
 
 /// What an estimator did with one stereo frame.
 struct FrameReport {
   Stamp stamp = 0;
-  std::size_t features = 0;     ///< in the frame
-  std::size_t invalid = 0;      ///< not usable in themselves: not finite, no positive disparity, outside the range
-  std::size_t used = 0;         ///< corrected the state
-  std::size_t rejected = 0;     ///< contradicted the state (gate, consensus)
-  std::size_t initialised = 0;  ///< became landmarks
-  std::size_t removed = 0;      ///< landmarks taken out of the state
-  std::size_t landmarks = 0;    ///< in the state after the frame
-  bool frame_rejected = false;  ///< the frame as a whole was found impossible and not used
+  std::size_t features = 0; ///< in the frame
+  std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
+  std::size_t used = 0;    ///< corrected the state
+  std::size_t rejected = 0;    ///< contradicted the state (gate, consensus)
+  std::size_t initialised = 0; ///< became landmarks
+  std::size_t removed = 0;     ///< landmarks taken out of the state
+  std::size_t landmarks = 0;   ///< in the state after the frame
+  bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
   /// Normalised innovation squared of the features used and its degrees of freedom; 0 where none was used.
   double nis = 0.0;
   std::size_t nis_dof = 0;
 };
 
-/// A causal estimator of pose and map. Measurements come in the order of their stamps (see MeasurementBuffer);
-/// equal stamps are allowed. The first measurement starts the clock at the identity pose.
+/// A causal estimator of pose and map. Measurements come in the order of their stamps (see
+/// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at the identity pose.
 class Estimator {
  public:
   virtual ~Estimator() = default;
 
-  /// Calibration of the stereo pair; before it is known frames only advance the clock, their features invalid.
+  /// Calibration of the stereo pair; before it is known frames only advance the clock, their features
+  /// invalid.
   virtual void setRig(const StereoRig& rig) = 0;
 
   virtual void process(const GyroSample& sample) = 0;
@@ -70,4 +72,4 @@ struct Config;
 /// The estimator that `config.estimator` asks for.
 std::unique_ptr<Estimator> makeEstimator(const Config& config);
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

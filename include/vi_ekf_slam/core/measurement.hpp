@@ -15,14 +15,14 @@ namespace vi_ekf_slam {
 struct GyroSample {
   Stamp stamp = 0;
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();
-  std::optional<Eigen::Matrix3d> covariance;  ///< (rad/s)^2 of this sample; absent: the configured noise holds
+  std::optional<Eigen::Matrix3d> covariance; ///< (rad/s)^2 of this sample; absent: the configured noise holds
 };
 
 /// Linear velocity of the IMU's origin in the IMU frame, m/s.
 struct VelocitySample {
   Stamp stamp = 0;
   Eigen::Vector3d linear_velocity = Eigen::Vector3d::Zero();
-  std::optional<Eigen::Matrix3d> covariance;  ///< (m/s)^2 of this sample; absent: the configured noise holds
+  std::optional<Eigen::Matrix3d> covariance; ///< (m/s)^2 of this sample; absent: the configured noise holds
 };
 
 using FeatureId = std::uint64_t;
@@ -50,4 +50,4 @@ inline Stamp stampOf(const Measurement& m) {
   return std::visit([](const auto& sample) { return sample.stamp; }, m);
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

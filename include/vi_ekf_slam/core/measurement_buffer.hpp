@@ -14,21 +14,22 @@ namespace vi_ekf_slam {
 ///
 /// A measurement is due when no stream that is still alive can bring an older one: every live stream has
 /// delivered up to its stamp. A stream is alive while it lags the newest stamp by at most `max_delay`, so a
-/// stream that stops delays the others once and by no more than that. What comes out depends on the stamps alone,
-/// never on the order of arrival, as long as no measurement is later than `max_delay`.
+/// stream that stops delays the others once and by no more than that. What comes out depends on the stamps
+/// alone, never on the order of arrival, as long as no measurement is later than `max_delay`.
 class MeasurementBuffer {
  public:
   struct Options {
-    double max_delay_s = 0.2;      ///< s of sensor time that a live stream may lag; > 0
-    double max_jump_back_s = 1.0;  ///< s; an older stamp by more than this is a new start, by less a late message
-    std::size_t max_size = 100000;  ///< measurements held; beyond it the oldest are released
+    double max_delay_s = 0.2; ///< s of sensor time that a live stream may lag; > 0
+    double max_jump_back_s =
+        1.0; ///< s; an older stamp by more than this is a new start, by less a late message
+    std::size_t max_size = 100000; ///< measurements held; beyond it the oldest are released
   };
 
   enum class Verdict {
     kAccepted,
-    kLate,       ///< older than what was already handed out: dropped
-    kDuplicate,  ///< the stream already has a measurement of this stamp: dropped
-    kJumpBack,   ///< time went back by more than max_jump_back: nothing was stored, the caller must reset
+    kLate,      ///< older than what was already handed out: dropped
+    kDuplicate, ///< the stream already has a measurement of this stamp: dropped
+    kJumpBack,  ///< time went back by more than max_jump_back: nothing was stored, the caller must reset
   };
 
   explicit MeasurementBuffer(const Options& options);
@@ -63,4 +64,4 @@ class MeasurementBuffer {
   std::optional<Stamp> last_released_;
 };
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -7,7 +7,8 @@
 namespace vi_ekf_slam {
 
 /// Rigid transform. A variable `a_T_b` takes points from frame b to frame a, and its translation is the
-/// origin of b in a. Tangent vectors are (translation, rotation), as the twist u = (v, omega) of paper eq. 12.
+/// origin of b in a. Tangent vectors are (translation, rotation), as the twist u = (v, omega) of paper
+/// eq. 12.
 class SE3 {
  public:
   SE3() : rotation_(Eigen::Matrix3d::Identity()), translation_(Eigen::Vector3d::Zero()) {}
@@ -54,5 +55,5 @@ Eigen::Matrix<double, 4, 6> odot(const Eigen::Vector3d& x);
 /// Robotics", eq. 7.85.
 Matrix6d leftJacobian(const Vector6d& xi);
 
-}  // namespace se3
-}  // namespace vi_ekf_slam
+} // namespace se3
+} // namespace vi_ekf_slam

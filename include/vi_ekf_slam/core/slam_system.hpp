@@ -17,8 +17,8 @@ namespace vi_ekf_slam {
 /// The result of one processed measurement.
 struct Output {
   StateEstimate state;
-  SE3 odom_T_imu;      ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
-  FrameReport report;  ///< only for frames
+  SE3 odom_T_imu;     ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
+  FrameReport report; ///< only for frames
 };
 
 /// Counts since construction; a reset does not clear them.
@@ -26,7 +26,7 @@ struct SystemCounts {
   std::array<std::uint64_t, kStreamCount> processed{};
   std::array<std::uint64_t, kStreamCount> late{};
   std::array<std::uint64_t, kStreamCount> duplicate{};
-  std::array<std::uint64_t, kStreamCount> invalid{};  ///< not finite, or a covariance that is none
+  std::array<std::uint64_t, kStreamCount> invalid{}; ///< not finite, or a covariance that is none
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
   std::uint64_t features = 0;
@@ -37,7 +37,8 @@ struct SystemCounts {
 };
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:
-/// add -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's thread.
+/// add -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's
+/// thread.
 class SlamSystem {
  public:
   explicit SlamSystem(const Config& config);
@@ -54,7 +55,8 @@ class SlamSystem {
   void setRig(const StereoRig& rig);
   bool hasRig() const { return rig_.has_value(); }
 
-  /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and counted.
+  /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and
+  /// counted.
   void add(Measurement measurement);
 
   /// Processes all that is still held: the data are over.
@@ -84,4 +86,4 @@ class SlamSystem {
   std::function<void(const std::string&)> on_reset_;
 };
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -25,4 +25,4 @@ Eigen::Matrix3d normalized(const Eigen::Matrix3d& R);
 /// Whether R^T R = I and det R = +1 within `tolerance` (largest element).
 bool isRotation(const Eigen::Matrix3d& R, double tolerance);
 
-}  // namespace vi_ekf_slam::so3
+} // namespace vi_ekf_slam::so3

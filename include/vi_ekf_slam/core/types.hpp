@@ -21,4 +21,4 @@ inline Stamp fromSeconds(double seconds) {
   return static_cast<Stamp>(seconds * 1e9 + (seconds < 0.0 ? -0.5 : 0.5));
 }
 
-}  // namespace vi_ekf_slam
+} // namespace vi_ekf_slam

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+
+#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/paper/inverse_pose.hpp"
+#include "vi_ekf_slam/core/paper/joint_ekf.hpp"
+#include "vi_ekf_slam/core/paper/landmark_mapper.hpp"
+
+namespace vi_ekf_slam::paper {
+
+/// The paper's filter in its three modes behind the common interface.
+class PaperEstimator : public Estimator {
+ public:
+  explicit PaperEstimator(const PaperConfig& config);
+
+  void setRig(const StereoRig& rig) override { rig_ = rig; }
+  void process(const GyroSample& sample) override;
+  void process(const VelocitySample& sample) override;
+  FrameReport process(const StereoFrame& frame) override;
+  StateEstimate state() const override;
+  std::vector<LandmarkEstimate> landmarks() const override;
+
+ private:
+  void advanceTo(Stamp stamp);
+
+  PaperConfig config_;
+  TwistHold hold_;
+  InversePose pose_;      ///< in the modes without a joint filter
+  LandmarkMapper mapper_; ///< in mode mapping
+  JointEkf joint_;        ///< in mode slam
+  std::optional<StereoRig> rig_;
+};
+
+} // namespace vi_ekf_slam::paper

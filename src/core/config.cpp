@@ -1,0 +1,62 @@
+#include "vi_ekf_slam/core/config.hpp"
+
+#include <fstream>
+#include <sstream>
+
+#include "vi_ekf_slam/core/yaml_section.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer, double& rig_wait_s) {
+  section.read("max_delay_s", Range::halfOpen(0.0, 60.0), buffer.max_delay_s);
+  section.read("max_jump_back_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_back_s);
+  section.read("max_size", Range::closed(1.0, 1e9), buffer.max_size);
+  section.read("rig_wait_s", Range::closed(0.0, 3600.0), rig_wait_s);
+  section.finish();
+}
+
+void readPaper(YamlSection section, PaperConfig& paper) {
+  section.readChoice<PaperMode>("mode",
+                                {{"dead_reckoning", PaperMode::kDeadReckoning},
+                                 {"mapping", PaperMode::kMapping},
+                                 {"slam", PaperMode::kSlam}},
+                                paper.mode);
+  section.read("motion_noise", Range::notNegative(), paper.motion_noise);
+  section.read("step_s", Range::positive(), paper.step_s);
+  section.read("pixel_noise", Range::positive(), paper.pixel_noise);
+  section.read("prior_pose_variance", Range::notNegative(), paper.prior_pose_variance);
+  section.read("prior_landmark_variance", Range::positive(), paper.prior_landmark_variance);
+  section.read("landmark_fraction", Range::halfOpen(0.0, 1.0), paper.landmark_fraction);
+  section.read("min_depth_m", Range::positive(), paper.min_depth_m);
+  section.read("max_depth_m", Range::positive(), paper.max_depth_m);
+  if (paper.max_depth_m <= paper.min_depth_m) {
+    section.fail("max_depth_m", std::to_string(paper.max_depth_m), "greater than min_depth_m");
+  }
+  section.finish();
+}
+
+} // namespace
+
+Config parseConfig(const std::string& yaml, const std::string& source,
+                   const std::vector<std::string>& other_sections) {
+  Config config;
+  YamlSection root = YamlSection::root(yaml, source);
+  root.readChoice<EstimatorType>("estimator", {{"paper", EstimatorType::kPaper}}, config.estimator);
+  readBuffer(root.section("buffer"), config.buffer, config.rig_wait_s);
+  readPaper(root.section("paper"), config.paper);
+  for (const auto& section : other_sections) root.allow(section);
+  root.finish();
+  return config;
+}
+
+Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
+  std::ifstream file(path);
+  if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
+  std::ostringstream text;
+  text << file.rdbuf();
+  if (!file) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
+  return parseConfig(text.str(), path, other_sections);
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,11 @@
+#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/paper/paper_estimator.hpp"
+
+namespace vi_ekf_slam {
+
+std::unique_ptr<Estimator> makeEstimator(const Config& config) {
+  return std::make_unique<paper::PaperEstimator>(config.paper);
+}
+
+} // namespace vi_ekf_slam

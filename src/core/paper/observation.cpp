@@ -1,0 +1,35 @@
+#include "vi_ekf_slam/core/paper/observation.hpp"
+
+#include <cmath>
+
+namespace vi_ekf_slam::paper {
+
+std::optional<PredictedObservation> predictObservation(const StereoRig& rig, const SE3& imu_T_world,
+                                                       const Eigen::Vector3d& landmark_world,
+                                                       double min_depth_m) {
+  const Eigen::Vector3d p_imu = imu_T_world * landmark_world;
+  const Eigen::Vector3d p_cam = rig.cam_T_imu * p_imu;
+  if (!(p_cam.z() >= min_depth_m)) return std::nullopt;
+  const Eigen::Matrix<double, 4, 3> by_imu_point =
+      rig.camera.projectJacobian(p_cam) * rig.cam_T_imu.rotation();
+  PredictedObservation prediction;
+  prediction.pixels = rig.camera.project(p_cam);
+  prediction.by_landmark = by_imu_point * imu_T_world.rotation();
+  prediction.by_pose = by_imu_point * se3::odot(p_imu).topRows<3>();
+  return prediction;
+}
+
+std::optional<Eigen::Vector3d> initialLandmark(const StereoRig& rig, const SE3& imu_T_world,
+                                               const StereoPixels& pixels, const PaperConfig& config) {
+  const auto p_cam = rig.camera.triangulate(pixels);
+  if (!p_cam || p_cam->z() < config.min_depth_m || p_cam->z() > config.max_depth_m) return std::nullopt;
+  return (rig.cam_T_imu * imu_T_world).inverse() * *p_cam;
+}
+
+bool isSelected(FeatureId id, double fraction) {
+  const auto count_below = [fraction](double n) { return std::floor(n * fraction + 1e-9); };
+  const auto n = static_cast<double>(id);
+  return count_below(n + 1.0) > count_below(n);
+}
+
+} // namespace vi_ekf_slam::paper

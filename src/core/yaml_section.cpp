@@ -1,0 +1,147 @@
+#include "vi_ekf_slam/core/yaml_section.hpp"
+
+#include <cmath>
+#include <sstream>
+
+namespace vi_ekf_slam {
+namespace {
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+std::string describe(const YAML::Node& node) {
+  std::ostringstream text;
+  text << node;
+  std::string value = text.str();
+  if (value.size() > 80) value = value.substr(0, 77) + "...";
+  return value;
+}
+
+} // namespace
+
+bool Range::contains(double x) const {
+  if (!std::isfinite(x)) return false;
+  return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high);
+}
+
+std::string Range::text() const {
+  std::ostringstream text;
+  text << "a finite number " << (low_open ? "> " : ">= ") << low;
+  if (high < std::numeric_limits<double>::max()) text << " and " << (high_open ? "< " : "<= ") << high;
+  return text.str();
+}
+
+YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
+    : node_(std::move(node)), path_(std::move(path)), source_(std::move(source)) {
+  if (node_ && !node_.IsNull() && !node_.IsMap()) {
+    throw ConfigError(source_ + ": " + (path_.empty() ? "the document" : path_) + ": '" + describe(node_) +
+                      "' is not allowed; it must be a mapping of keys to values");
+  }
+  if (!node_ || !node_.IsMap()) return;
+  std::set<std::string> seen;
+  for (const auto& entry : node_) {
+    if (!entry.first.IsScalar()) throw ConfigError(source_ + ": " + path_ + ": a key is not a plain name");
+    if (!seen.insert(entry.first.Scalar()).second) {
+      throw ConfigError(source_ + ": " + path_ + entry.first.Scalar() + ": given twice; once is allowed");
+    }
+  }
+}
+
+YamlSection YamlSection::root(const std::string& yaml, const std::string& source) {
+  try {
+    return YamlSection(YAML::Load(yaml), "", source);
+  } catch (const YAML::Exception& error) {
+    throw ConfigError(source + ": not readable as YAML: " + error.what());
+  }
+}
+
+YAML::Node YamlSection::find(const std::string& key) {
+  known_.insert(key);
+  const YAML::Node& node = node_; // the const operator[] does not insert
+  return node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+}
+
+YamlSection YamlSection::section(const std::string& key) {
+  const YAML::Node node = find(key);
+  return YamlSection(node.IsDefined() ? node : YAML::Node(), path_ + key + ".", source_);
+}
+
+void YamlSection::fail(const std::string& key, const std::string& value, const std::string& allowed) const {
+  throw ConfigError(source_ + ": " + path_ + key + ": '" + value + "' is not allowed; it must be " + allowed);
+}
+
+double YamlSection::number(const std::string& key, const YAML::Node& node, const Range& range) const {
+  double x = 0.0;
+  if (!node.IsScalar() || !YAML::convert<double>::decode(node, x) || !range.contains(x)) {
+    fail(key, describe(node), range.text());
+  }
+  return x;
+}
+
+void YamlSection::read(const std::string& key, const Range& range, double& value) {
+  if (const YAML::Node node = find(key); node.IsDefined()) value = number(key, node, range);
+}
+
+void YamlSection::read(const std::string& key, const Range& range, std::size_t& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  const double x = number(key, node, range);
+  if (x != std::floor(x) || x < 0.0 || x > 9007199254740992.0) fail(key, describe(node), "a whole number");
+  value = static_cast<std::size_t>(x);
+}
+
+void YamlSection::read(const std::string& key, bool& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (!node.IsScalar() || !YAML::convert<bool>::decode(node, value)) {
+    fail(key, describe(node), "true or false");
+  }
+}
+
+void YamlSection::read(const std::string& key, std::string& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (!node.IsScalar()) fail(key, describe(node), "a text");
+  value = node.Scalar();
+}
+
+void YamlSection::read(const std::string& key, const Range& range, Eigen::Ref<Eigen::VectorXd> value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (node.IsScalar()) {
+    value.setConstant(number(key, node, range));
+    return;
+  }
+  const auto size = static_cast<std::size_t>(value.size());
+  if (!node.IsSequence() || node.size() != size) {
+    fail(key, describe(node), "one number or a list of " + std::to_string(size));
+  }
+  for (std::size_t i = 0; i < size; ++i) {
+    value[static_cast<Eigen::Index>(i)] = number(key + "[" + std::to_string(i) + "]", node[i], range);
+  }
+}
+
+std::size_t YamlSection::choiceIndex(const std::string& key, const std::vector<std::string>& names) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return names.size();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (node.IsScalar() && node.Scalar() == names[i]) return i;
+  }
+  fail(key, describe(node), "one of " + join(names));
+}
+
+void YamlSection::finish() const {
+  if (!node_ || !node_.IsMap()) return;
+  for (const auto& entry : node_) {
+    const std::string& key = entry.first.Scalar();
+    if (known_.count(key) == 0) {
+      throw ConfigError(source_ + ": " + path_ + key + ": unknown key; known are " +
+                        join(std::vector<std::string>(known_.begin(), known_.end())));
+    }
+  }
+}
+
+} // namespace vi_ekf_slam
