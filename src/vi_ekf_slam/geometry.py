@@ -1,0 +1,123 @@
+"""Rotations and rigid transforms as numpy arrays.
+
+A transform `a_T_b` is 4 x 4 and takes homogeneous points from frame b to frame a. Twists are (v, w): m/s and rad/s, in
+this order. Quaternions are (x, y, z, w), as in geometry_msgs. Functions accept leading batch dimensions where noted.
+Exponentials: Barfoot, State Estimation for Robotics (2017), eq. 7.14 and 7.37.
+"""
+
+import numpy as np
+
+SMALL_ANGLE = 1e-6  # rad; below it the series' next term is under one rounding of a double
+
+
+def hat(w):
+    """3-vector -> 3 x 3 matrix with hat(w) x = w x x (cross product)."""
+    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+
+
+def so3_exp(phi):
+    """Rotation vector (3, rad) -> rotation matrix, by Rodrigues' formula."""
+    return se3_exp(np.concatenate([np.zeros(3), phi]))[:3, :3]
+
+
+def so3_log(rotation):
+    """Rotation matrix -> rotation vector (3, rad), of norm at most pi."""
+    quaternion = rotation_to_quaternion(rotation)
+    vector, scalar = quaternion[:3], quaternion[3]
+    sine = np.linalg.norm(vector)
+    if sine < SMALL_ANGLE:
+        return 2.0 * vector
+    return 2.0 * np.arctan2(sine, scalar) * vector / sine
+
+
+def se3_exp(xi):
+    """Twist times time (v dt, w dt), shape 6 -> transform; the motion of a body with a constant body twist."""
+    xi = np.asarray(xi, dtype=float)
+    rho, phi = xi[:3], xi[3:]
+    angle = np.linalg.norm(phi)
+    cross = hat(phi)
+    if angle < SMALL_ANGLE:
+        a, b, c = 1.0, 0.5, 1.0 / 6.0
+    else:
+        a = np.sin(angle) / angle
+        b = 2.0 * (np.sin(0.5 * angle) / angle) ** 2  # (1 - cos) / angle^2 without cancellation
+        c = (1.0 - a) / angle**2
+    square = cross @ cross
+    transform = np.eye(4)
+    transform[:3, :3] += a * cross + b * square
+    transform[:3, 3] = (np.eye(3) + b * cross + c * square) @ rho
+    return transform
+
+
+def make_transform(rotation, translation):
+    """3 x 3 rotation and 3-vector -> 4 x 4 transform."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = translation
+    return transform
+
+
+def inverse(transform):
+    """Inverse of rigid transforms, shape (..., 4, 4)."""
+    transform = np.asarray(transform, dtype=float)
+    result = np.zeros_like(transform)
+    rotation_t = np.swapaxes(transform[..., :3, :3], -1, -2)
+    result[..., :3, :3] = rotation_t
+    result[..., :3, 3] = -(rotation_t @ transform[..., :3, 3, None])[..., 0]
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def rotation_error(rotation):
+    """How far matrices (..., 3, 3) are from rotations: largest |R^T R - I|, or infinity when det(R) <= 0."""
+    rotation = np.asarray(rotation, dtype=float)
+    gram = np.swapaxes(rotation, -1, -2) @ rotation
+    error = np.abs(gram - np.eye(3)).max(axis=(-1, -2))
+    return np.where(np.linalg.det(rotation) > 0.0, error, np.inf)
+
+
+def nearest_rotation(matrix):
+    """The rotation closest to a 3 x 3 matrix in the Frobenius norm (takes away the rounding of text files)."""
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
+
+def quaternion_to_rotation(quaternion):
+    """Quaternion (x, y, z, w), not zero; normalised here -> rotation matrix."""
+    x, y, z, w = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotation_to_quaternion(rotation):
+    """Rotation matrix -> unit quaternion (x, y, z, w) with w >= 0 (Shepperd's method: divide by the largest)."""
+    r = np.asarray(rotation, dtype=float)
+    trace = np.trace(r)
+    choices = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
+    i = int(np.argmax(choices))
+    quaternion = np.empty(4)
+    if i == 3:
+        quaternion[:3] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+        quaternion[3] = 1.0 + trace
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        quaternion[i] = 1.0 - trace + 2.0 * r[i, i]
+        quaternion[j] = r[j, i] + r[i, j]
+        quaternion[k] = r[k, i] + r[i, k]
+        quaternion[3] = r[k, j] - r[j, k]
+    quaternion /= np.linalg.norm(quaternion)
+    return -quaternion if quaternion[3] < 0.0 else quaternion
+
+
+def interpolate_pose(first, second, fraction):
+    """Pose between two transforms: straight line in position, constant rate in rotation; fraction 0..1."""
+    if fraction == 0.0 or fraction == 1.0:  # exactly, so that poses at known stamps come back untouched
+        return np.array(second if fraction == 1.0 else first)
+    turn = so3_log(first[:3, :3].T @ second[:3, :3])
+    rotation = first[:3, :3] @ so3_exp(fraction * turn)
+    return make_transform(rotation, (1.0 - fraction) * first[:3, 3] + fraction * second[:3, 3])
