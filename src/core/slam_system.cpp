@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/slam_system.hpp"
 
 #include <Eigen/Cholesky>
+#include <chrono>
 #include <string>
 #include <utility>
 
@@ -19,10 +20,6 @@ bool isUsable(const Eigen::Vector3d& value, const std::optional<Eigen::Matrix3d>
 bool isUsable(const GyroSample& s) { return isUsable(s.angular_velocity, s.covariance); }
 bool isUsable(const VelocitySample& s) { return isUsable(s.linear_velocity, s.covariance); }
 bool isUsable(const StereoFrame&) { return true; } // features are judged one by one, by the estimator
-
-bool looksAtFeatures(const Config& config) {
-  return !(config.estimator == EstimatorType::kPaper && config.paper.mode == PaperMode::kDeadReckoning);
-}
 
 } // namespace
 
@@ -53,8 +50,12 @@ void SlamSystem::add(Measurement measurement) {
   drain();
 }
 
+bool SlamSystem::needsRig() const {
+  return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
+}
+
 bool SlamSystem::waitingForRig() const {
-  return !rig_ && looksAtFeatures(config_) && first_stamp_ && buffer_.newest() &&
+  return !rig_ && needsRig() && first_stamp_ && buffer_.newest() &&
          secondsBetween(*first_stamp_, *buffer_.newest()) < config_.rig_wait_s;
 }
 
@@ -84,21 +85,23 @@ void SlamSystem::process(const Measurement& measurement) {
   if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
     estimator_->process(*gyro);
     dead_reckoning_.process(*gyro);
-    if (on_gyro_) on_gyro_({estimator_->state(), dead_reckoning_.pose(), {}});
+    if (on_gyro_) on_gyro_({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
     estimator_->process(*velocity);
     dead_reckoning_.process(*velocity);
   } else {
     const auto& frame = std::get<StereoFrame>(measurement);
     if (!rig_) ++counts_.frames_without_rig;
+    const auto start = std::chrono::steady_clock::now();
     const FrameReport report = estimator_->process(frame);
+    const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
     dead_reckoning_.advanceTo(frame.stamp);
     counts_.features += report.features;
     counts_.features_invalid += report.invalid;
     counts_.features_used += report.used;
     counts_.features_rejected += report.rejected;
     counts_.frames_rejected += report.frame_rejected ? 1 : 0;
-    if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report});
+    if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
   }
 }
 

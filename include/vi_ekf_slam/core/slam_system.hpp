@@ -17,8 +17,9 @@ namespace vi_ekf_slam {
 /// The result of one processed measurement.
 struct Output {
   StateEstimate state;
-  SE3 odom_T_imu;     ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
-  FrameReport report; ///< only for frames
+  SE3 odom_T_imu;        ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
+  FrameReport report;    ///< only for frames
+  double update_s = 0.0; ///< s of wall time that the estimator took; only for frames
 };
 
 /// Counts since construction; a reset does not clear them.
@@ -54,6 +55,8 @@ class SlamSystem {
   /// configuration does not look at features at all.
   void setRig(const StereoRig& rig);
   bool hasRig() const { return rig_.has_value(); }
+  /// Whether the configured estimator looks at features, for which it needs the calibration.
+  bool needsRig() const;
 
   /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and
   /// counted.
