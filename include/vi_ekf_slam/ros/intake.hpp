@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/ros/conversions.hpp"
+#include "vi_ekf_slam/ros/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+namespace vi_ekf_slam {
+
+/// Names of the inputs.
+struct InputTopics {
+  std::string imu = "imu";
+  std::string velocity = "velocity";
+  std::string features = "features";
+  std::string left_info = "left/camera_info";
+  std::string right_info = "right/camera_info";
+};
+
+/// The one way from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
+/// it turns away, and hands over the calibration as soon as it is complete.
+class Intake {
+ public:
+  /// `system` must outlive this.
+  Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics);
+
+  void add(const sensor_msgs::Imu& message);
+  void add(const geometry_msgs::TwistWithCovarianceStamped& message);
+  void add(const StereoFeatureArray& message);
+  void addLeftInfo(const sensor_msgs::CameraInfo& message);
+  void addRightInfo(const sensor_msgs::CameraInfo& message);
+  void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);
+
+  const RigAssembler& rigAssembler() const { return rig_; }
+  /// Empty until the first message said it, unless configured.
+  const std::string& imuFrame() const { return imu_frame_; }
+  /// Messages of the three measurement streams, used or not.
+  std::uint64_t received() const { return received_; }
+  /// Messages (and repeated ids) turned away, by "input: reason".
+  const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }
+
+ private:
+  void learnImuFrame(const std::string& frame_id);
+  void turnAway(const char* input, conversions::Rejection rejection);
+  void offerRig();
+
+  SlamSystem& system_;
+  std::string imu_frame_;
+  RigAssembler rig_;
+  std::uint64_t received_ = 0;
+  std::map<std::string, std::uint64_t> turned_away_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "vi_ekf_slam/core/config.hpp"
+
+namespace vi_ekf_slam {
+
+/// The `ros:` section of the configuration: what only the node needs to know.
+struct RosConfig {
+  std::string map_frame = "map";
+  std::string odom_frame = "odom";
+  std::string imu_frame;                ///< empty: the frame_id of the first IMU or velocity message
+  bool publish_tf = true;               ///< any transform at all
+  bool publish_odom_tf = true;          ///< odom -> imu (dead reckoning) beside map -> odom
+  bool single_tf = false;               ///< map -> imu directly instead of the two
+  std::size_t path_max_points = 10000;  ///< a longer path is thinned to every second point
+  double path_min_distance_m = 0.1;     ///< m between the points of a path
+  double landmark_period_s = 1.0;       ///< s of sensor time between publications of the map; 0: every frame
+  double landmark_size_m = 0.2;         ///< m, edge of a landmark in rviz
+  double landmark_sigma_red_m = 1.0;    ///< m, standard deviation from which a landmark is drawn red
+  std::size_t input_queue_size = 10000; ///< messages an input
+  std::size_t output_queue_size = 10;   ///< messages an output
+};
+
+/// Names of the top-level sections that are not the core's.
+inline const char* const kRosSection = "ros";
+
+/// Reads the `ros:` section, as strictly as parseConfig reads the others.
+RosConfig parseRosConfig(const std::string& yaml, const std::string& source);
+
+struct FullConfig {
+  Config core;
+  RosConfig ros;
+};
+
+/// Both halves of one YAML text. Throws ConfigError.
+FullConfig parseFullConfig(const std::string& yaml, const std::string& source);
+/// Both halves of one YAML file. Throws ConfigError.
+FullConfig loadFullConfig(const std::string& path);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,206 @@
+#include "vi_ekf_slam/core/run_writer.hpp"
+
+#include <Eigen/Geometry>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+#include <sstream>
+#include <stdexcept>
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// printf into a string.
+template <typename... Args>
+std::string format(const char* pattern, Args... args) {
+  const int size = std::snprintf(nullptr, 0, pattern, args...);
+  std::string text(static_cast<std::size_t>(size) + 1, '\0');
+  std::snprintf(text.data(), text.size(), pattern, args...);
+  text.pop_back();
+  return text;
+}
+
+/// Writes under a temporary name, then renames: nobody ever reads half a file.
+void writeFile(const std::string& directory, const std::string& name, const std::string& content) {
+  const std::string path = (fs::path(directory) / name).string();
+  const std::string temporary = path + ".tmp";
+  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
+  file << content;
+  file.close();
+  if (!file) {
+    const std::string cause = std::strerror(errno);
+    std::remove(temporary.c_str());
+    throw std::runtime_error(path + ": cannot be written: " + cause);
+  }
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) {
+    throw std::runtime_error(path + ": cannot be renamed into place: " + std::strerror(errno));
+  }
+}
+
+std::string tumLine(Stamp stamp, const SE3& pose) {
+  Eigen::Quaterniond q(pose.rotation());
+  if (q.w() < 0.0) q.coeffs() = -q.coeffs();
+  const Eigen::Vector3d& t = pose.translation();
+  return stampText(stamp) +
+         format(" %.9f %.9f %.9f %.12f %.12f %.12f %.12f\n", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+}
+
+template <typename Derived>
+std::string upperTriangle(const Eigen::MatrixBase<Derived>& m) {
+  std::string text;
+  for (Eigen::Index row = 0; row < m.rows(); ++row) {
+    for (Eigen::Index col = row; col < m.cols(); ++col) text += format(",%.17g", m(row, col));
+  }
+  return text;
+}
+
+std::string covarianceHeader() {
+  const std::string axes = "xyzabc";
+  std::string text = "stamp";
+  for (std::size_t row = 0; row < axes.size(); ++row) {
+    for (std::size_t col = row; col < axes.size(); ++col) text += std::string(",") + axes[row] + axes[col];
+  }
+  return text + "\n";
+}
+
+std::string frameLine(const FrameReport& r, double update_s) {
+  return stampText(r.stamp) + format(",%zu,%zu,%zu,%zu,%zu,%zu,%zu,%d,%.9g,%zu,%.3f\n", r.features, r.invalid,
+                                     r.used, r.rejected, r.initialised, r.removed, r.landmarks,
+                                     r.frame_rejected ? 1 : 0, r.nis, r.nis_dof, 1e3 * update_s);
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c == '\n' ? ' ' : c;
+  }
+  return out + '"';
+}
+
+std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
+  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+}
+
+std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCount>& c) {
+  std::ostringstream text;
+  text << key << ": {total: " << total(c) << ", gyro: " << c[0] << ", velocity: " << c[1]
+       << ", stereo: " << c[2] << "}\n";
+  return text.str();
+}
+
+} // namespace
+
+std::string stampText(Stamp stamp) {
+  constexpr Stamp kSecond = 1000000000;
+  Stamp seconds = stamp / kSecond, nanoseconds = stamp % kSecond;
+  const char* sign = stamp < 0 ? "-" : "";
+  if (stamp < 0) {
+    seconds = -seconds;
+    nanoseconds = -nanoseconds;
+  }
+  return format("%s%lld.%09lld", sign, static_cast<long long>(seconds), static_cast<long long>(nanoseconds));
+}
+
+void RunWriter::makeDirectory(const std::string& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error || !fs::is_directory(directory)) {
+    throw std::runtime_error(
+        directory + ": cannot be created: " + (error ? error.message() : "it exists and is not a directory"));
+  }
+}
+
+RunWriter::Record RunWriter::toRecord(const Output& o) {
+  return {o.state.stamp, o.state.world_T_imu, o.odom_T_imu, o.state.pose_covariance, o.report, o.update_s};
+}
+
+void RunWriter::addFrame(const Output& output) {
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records.clear();
+  run.has_frames = true;
+  run.records.push_back(toRecord(output));
+}
+
+void RunWriter::addGyro(const Output& output) {
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records.push_back(toRecord(output));
+}
+
+void RunWriter::restart() {
+  if (!empty()) runs_.emplace_back();
+}
+
+double RunWriter::sensorSeconds() const {
+  if (empty()) return 0.0;
+  return secondsBetween(runs_.back().records.front().stamp, runs_.back().records.back().stamp);
+}
+
+void RunWriter::writeRun(const std::string& directory, const Run& run) {
+  makeDirectory(directory);
+  std::string trajectory, dead_reckoning, covariance = covarianceHeader();
+  std::string frames =
+      "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_"
+      "ms\n";
+  for (const Record& r : run.records) {
+    trajectory += tumLine(r.stamp, r.world_T_imu);
+    dead_reckoning += tumLine(r.stamp, r.odom_T_imu);
+    covariance += stampText(r.stamp) + upperTriangle(r.pose_covariance) + "\n";
+    if (run.has_frames) frames += frameLine(r.report, r.update_s);
+  }
+  writeFile(directory, "trajectory.tum", trajectory);
+  writeFile(directory, "dead_reckoning.tum", dead_reckoning);
+  writeFile(directory, "covariance.csv", covariance);
+  writeFile(directory, "frames.csv", frames);
+}
+
+void RunWriter::writeTrajectory(const std::string& directory) const {
+  writeRun(directory, runs_.back());
+  for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
+    writeRun((fs::path(directory) / ("before_reset_" + std::to_string(i + 1))).string(), runs_[i]);
+  }
+}
+
+void RunWriter::writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) const {
+  makeDirectory(directory);
+  std::string text = "id,x,y,z,xx,xy,xz,yy,yz,zz\n";
+  for (const LandmarkEstimate& landmark : landmarks) {
+    const Eigen::Vector3d& p = landmark.position;
+    text += format("%llu,%.9f,%.9f,%.9f", static_cast<unsigned long long>(landmark.id), p.x(), p.y(), p.z()) +
+            upperTriangle(landmark.covariance) + "\n";
+  }
+  writeFile(directory, "landmarks.csv", text);
+}
+
+void RunWriter::writeSummary(const std::string& directory, const RunSummary& summary,
+                             std::size_t landmarks) const {
+  makeDirectory(directory);
+  const SystemCounts& c = summary.counts;
+  const double sensor_s = sensorSeconds();
+  std::ostringstream text;
+  text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
+       << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
+       << "\nframes: " << (hasFrames() ? size() : 0) << "\nlandmarks: " << landmarks
+       << format("\nwall_s: %.3f\nsensor_s: %.3f\ntimes_real_time: %.2f\n", summary.wall_s, sensor_s,
+                 summary.wall_s > 0.0 ? sensor_s / summary.wall_s : 0.0)
+       << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid
+       << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
+       << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
+       << "\nresets: " << c.resets << "\n"
+       << perStream("processed", c.processed) << perStream("late", c.late)
+       << perStream("duplicate", c.duplicate) << perStream("invalid", c.invalid) << "turned_away: {";
+  const char* separator = "";
+  for (const auto& [reason, count] : summary.turned_away) {
+    text << separator << quoted(reason) << ": " << count;
+    separator = ", ";
+  }
+  text << "}\n";
+  writeFile(directory, "summary.yaml", text.str());
+}
+
+} // namespace vi_ekf_slam

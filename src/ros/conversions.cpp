@@ -1,0 +1,167 @@
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <unordered_set>
+
+namespace vi_ekf_slam::conversions {
+namespace {
+
+Eigen::Vector3d toEigen(const geometry_msgs::Vector3& v) { return {v.x, v.y, v.z}; }
+
+Rejection checkHeader(const std_msgs::Header& header, const std::string& frame) {
+  if (header.stamp.isZero()) return Rejection::kZeroStamp;
+  const std::string name = frameName(header.frame_id);
+  if (name.empty() || (!frame.empty() && name != frame)) return Rejection::kWrongFrame;
+  return Rejection::kNone;
+}
+
+/// The 3x3 block at the top left of a row-major covariance with `stride` columns; nothing if it is all zero,
+/// which in ROS says "unknown".
+template <typename Array>
+std::optional<Eigen::Matrix3d> covarianceBlock(const Array& covariance, std::size_t stride) {
+  Eigen::Matrix3d block;
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t col = 0; col < 3; ++col) {
+      block(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(col)) = covariance[row * stride + col];
+    }
+  }
+  if ((block.array() == 0.0).all()) return std::nullopt;
+  return block;
+}
+
+bool isFinite(const Eigen::Vector3d& value, const std::optional<Eigen::Matrix3d>& covariance) {
+  return value.allFinite() && (!covariance || covariance->allFinite());
+}
+
+/// `array` <- `matrix`, row-major.
+template <typename Array>
+void copyCovariance(const Matrix6d& matrix, Array& array) {
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(array.data()) = matrix;
+}
+
+} // namespace
+
+const char* describe(Rejection rejection) {
+  switch (rejection) {
+    case Rejection::kNone:
+      return "usable";
+    case Rejection::kZeroStamp:
+      return "stamp is zero";
+    case Rejection::kWrongFrame:
+      return "wrong frame";
+    case Rejection::kNoData:
+      return "covariance[0] = -1, no data";
+    case Rejection::kNotFinite:
+      return "not finite";
+  }
+  return "unknown";
+}
+
+std::string frameName(const std::string& frame_id) {
+  return !frame_id.empty() && frame_id.front() == '/' ? frame_id.substr(1) : frame_id;
+}
+
+Stamp toStamp(const ros::Time& time) { return static_cast<Stamp>(time.toNSec()); }
+
+ros::Time toTime(Stamp stamp) {
+  ros::Time time;
+  return time.fromNSec(static_cast<std::uint64_t>(stamp));
+}
+
+Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string& imu_frame) {
+  if (const auto bad = checkHeader(message.header, imu_frame); bad != Rejection::kNone) return {{}, bad};
+  if (message.angular_velocity_covariance[0] == -1.0) return {{}, Rejection::kNoData};
+  const GyroSample sample{toStamp(message.header.stamp), toEigen(message.angular_velocity),
+                          covarianceBlock(message.angular_velocity_covariance, 3)};
+  if (!isFinite(sample.angular_velocity, sample.covariance)) return {{}, Rejection::kNotFinite};
+  return {sample, Rejection::kNone};
+}
+
+Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message,
+                                     const std::string& imu_frame) {
+  if (const auto bad = checkHeader(message.header, imu_frame); bad != Rejection::kNone) return {{}, bad};
+  if (message.twist.covariance[0] == -1.0) return {{}, Rejection::kNoData};
+  const VelocitySample sample{toStamp(message.header.stamp), toEigen(message.twist.twist.linear),
+                              covarianceBlock(message.twist.covariance, 6)};
+  if (!isFinite(sample.linear_velocity, sample.covariance)) return {{}, Rejection::kNotFinite};
+  return {sample, Rejection::kNone};
+}
+
+ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& left_frame) {
+  if (const auto bad = checkHeader(message.header, left_frame); bad != Rejection::kNone) return {{}, bad, 0};
+  StereoFrame frame;
+  frame.stamp = toStamp(message.header.stamp);
+  frame.features.reserve(message.features.size());
+  std::unordered_set<FeatureId> seen;
+  for (const StereoFeature& f : message.features) {
+    if (!seen.insert(f.id).second) continue;
+    frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right)});
+  }
+  const std::size_t repeated = message.features.size() - frame.features.size();
+  return {std::move(frame), Rejection::kNone, repeated};
+}
+
+geometry_msgs::Pose toPose(const SE3& pose) {
+  Eigen::Quaterniond q(pose.rotation());
+  q.normalize();
+  geometry_msgs::Pose message;
+  message.position.x = pose.translation().x();
+  message.position.y = pose.translation().y();
+  message.position.z = pose.translation().z();
+  message.orientation.x = q.x();
+  message.orientation.y = q.y();
+  message.orientation.z = q.z();
+  message.orientation.w = q.w();
+  return message;
+}
+
+SE3 toSE3(const geometry_msgs::Transform& transform) {
+  const auto& r = transform.rotation;
+  return {Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized().toRotationMatrix(),
+          toEigen(transform.translation)};
+}
+
+geometry_msgs::TransformStamped toTransform(const SE3& parent_T_child, Stamp stamp, const std::string& parent,
+                                            const std::string& child) {
+  const geometry_msgs::Pose pose = toPose(parent_T_child);
+  geometry_msgs::TransformStamped message;
+  message.header.stamp = toTime(stamp);
+  message.header.frame_id = parent;
+  message.child_frame_id = child;
+  message.transform.translation.x = pose.position.x;
+  message.transform.translation.y = pose.position.y;
+  message.transform.translation.z = pose.position.z;
+  message.transform.rotation = pose.orientation;
+  return message;
+}
+
+geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& state,
+                                                       const std::string& map_frame) {
+  geometry_msgs::PoseWithCovarianceStamped message;
+  message.header.stamp = toTime(state.stamp);
+  message.header.frame_id = map_frame;
+  message.pose.pose = toPose(state.world_T_imu);
+  copyCovariance(state.pose_covariance, message.pose.covariance);
+  return message;
+}
+
+nav_msgs::Odometry toOdometry(const StateEstimate& state, const std::string& map_frame,
+                              const std::string& imu_frame) {
+  nav_msgs::Odometry message;
+  message.header.stamp = toTime(state.stamp);
+  message.header.frame_id = map_frame;
+  message.child_frame_id = imu_frame;
+  message.pose.pose = toPose(state.world_T_imu);
+  copyCovariance(state.pose_covariance, message.pose.covariance);
+  message.twist.twist.linear.x = state.twist[0];
+  message.twist.twist.linear.y = state.twist[1];
+  message.twist.twist.linear.z = state.twist[2];
+  message.twist.twist.angular.x = state.twist[3];
+  message.twist.twist.angular.y = state.twist[4];
+  message.twist.twist.angular.z = state.twist[5];
+  copyCovariance(state.twist_covariance, message.twist.covariance);
+  return message;
+}
+
+} // namespace vi_ekf_slam::conversions

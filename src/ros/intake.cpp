@@ -1,0 +1,68 @@
+#include "vi_ekf_slam/ros/intake.hpp"
+
+#include <utility>
+
+namespace vi_ekf_slam {
+
+using conversions::Rejection;
+
+Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
+    : system_(system), imu_frame_(config.imu_frame), rig_(topics.left_info, topics.right_info) {
+  rig_.setImuFrame(imu_frame_);
+}
+
+void Intake::learnImuFrame(const std::string& frame_id) {
+  if (!imu_frame_.empty()) return;
+  imu_frame_ = conversions::frameName(frame_id);
+  rig_.setImuFrame(imu_frame_);
+  offerRig();
+}
+
+void Intake::turnAway(const char* input, Rejection rejection) {
+  ++turned_away_[std::string(input) + ": " + conversions::describe(rejection)];
+}
+
+void Intake::offerRig() {
+  if (!system_.hasRig() && rig_.rig()) system_.setRig(*rig_.rig());
+}
+
+void Intake::add(const sensor_msgs::Imu& message) {
+  ++received_;
+  learnImuFrame(message.header.frame_id);
+  auto converted = conversions::toGyro(message, imu_frame_);
+  if (!converted.sample) return turnAway("imu", converted.rejection);
+  system_.add(std::move(*converted.sample));
+}
+
+void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
+  ++received_;
+  learnImuFrame(message.header.frame_id);
+  auto converted = conversions::toVelocity(message, imu_frame_);
+  if (!converted.sample) return turnAway("velocity", converted.rejection);
+  system_.add(std::move(*converted.sample));
+}
+
+void Intake::add(const StereoFeatureArray& message) {
+  ++received_;
+  auto converted = conversions::toFrame(message, rig_.leftFrame());
+  if (!converted.sample) return turnAway("features", converted.rejection);
+  if (converted.repeated_ids > 0) turned_away_["features: repeated id"] += converted.repeated_ids;
+  system_.add(std::move(*converted.sample));
+}
+
+void Intake::addLeftInfo(const sensor_msgs::CameraInfo& message) {
+  rig_.addLeft(message);
+  offerRig();
+}
+
+void Intake::addRightInfo(const sensor_msgs::CameraInfo& message) {
+  rig_.addRight(message);
+  offerRig();
+}
+
+void Intake::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+  rig_.addTransforms(message, is_static);
+  offerRig();
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,59 @@
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+#include <fstream>
+#include <sstream>
+
+#include "vi_ekf_slam/core/yaml_section.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+void readFrame(YamlSection& section, const std::string& key, bool may_be_empty, std::string& value) {
+  section.read(key, value);
+  if (!value.empty() && value.front() == '/')
+    section.fail(key, value, "a frame name without a leading slash");
+  if (value.empty() && !may_be_empty) section.fail(key, "''", "a frame name, not an empty string");
+}
+
+RosConfig readRos(YamlSection section) {
+  RosConfig c;
+  readFrame(section, "map_frame", false, c.map_frame);
+  readFrame(section, "odom_frame", false, c.odom_frame);
+  readFrame(section, "imu_frame", true, c.imu_frame);
+  section.read("publish_tf", c.publish_tf);
+  section.read("publish_odom_tf", c.publish_odom_tf);
+  section.read("single_tf", c.single_tf);
+  section.read("path_max_points", Range::closed(2.0, 1e6), c.path_max_points);
+  section.read("path_min_distance_m", Range::closed(0.0, 1e6), c.path_min_distance_m);
+  section.read("landmark_period_s", Range::closed(0.0, 3600.0), c.landmark_period_s);
+  section.read("landmark_size_m", Range::halfOpen(0.0, 1000.0), c.landmark_size_m);
+  section.read("landmark_sigma_red_m", Range::positive(), c.landmark_sigma_red_m);
+  section.read("input_queue_size", Range::closed(1.0, 1e6), c.input_queue_size);
+  section.read("output_queue_size", Range::closed(1.0, 1e6), c.output_queue_size);
+  if (c.map_frame == c.odom_frame) section.fail("odom_frame", c.odom_frame, "different from map_frame");
+  if (c.imu_frame == c.map_frame || c.imu_frame == c.odom_frame) {
+    section.fail("imu_frame", c.imu_frame, "different from map_frame and odom_frame");
+  }
+  section.finish();
+  return c;
+}
+
+} // namespace
+
+RosConfig parseRosConfig(const std::string& yaml, const std::string& source) {
+  return readRos(YamlSection::root(yaml, source).section(kRosSection));
+}
+
+FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
+  return {parseConfig(yaml, source, {kRosSection}), parseRosConfig(yaml, source)};
+}
+
+FullConfig loadFullConfig(const std::string& path) {
+  const Config core = loadConfig(path, {kRosSection});
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return {core, parseRosConfig(text.str(), path)};
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
+#include <functional>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "vi_ekf_slam/ros/intake.hpp"
+
+namespace vi_ekf_slam {
+
+/// A bag that cannot be used, wholly or from some point on; what() names the bag and the cause.
+class BagError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The inputs in a bag, in the order of recording.
+class BagInput {
+ public:
+  /// Opens the bag and checks that it has a measurement topic of the right type. Throws BagError.
+  BagInput(const std::string& path, const InputTopics& topics);
+
+  /// Hands every message to `intake`. After each, `proceed` hears the share done (0 to 1) and says whether to
+  /// go on. Throws BagError where the bag cannot be read on.
+  void feed(Intake& intake, const std::function<bool(double)>& proceed);
+
+ private:
+  using Handler = std::function<void(const rosbag::MessageInstance&, Intake&)>;
+
+  void checkTopics();
+  Handler handlerFor(const std::string& topic) const;
+
+  std::string path_;
+  InputTopics topics_;
+  rosbag::Bag bag_;
+  std::unique_ptr<rosbag::View> view_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,137 @@
+/// Offline runner: a bag in, files out. See kRunBagHelp.
+#include <unistd.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <iostream>
+
+#include "bag_input.hpp"
+#include "run_bag_options.hpp"
+#include "vi_ekf_slam/core/run_writer.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr int kOk = 0;
+constexpr int kUsage = 1;
+constexpr int kInput = 2;
+
+volatile std::sig_atomic_t g_stop = 0;
+
+/// A bar on a terminal; nothing elsewhere, so that logs stay readable.
+class Progress {
+ public:
+  explicit Progress(bool wanted) : visible_(wanted && isatty(STDERR_FILENO) != 0) {}
+  void show(double share) {
+    const int percent = static_cast<int>(100.0 * share);
+    if (!visible_ || percent == percent_) return;
+    percent_ = percent;
+    const std::string bar(static_cast<std::size_t>(percent / 2), '#');
+    std::fprintf(stderr, "\r[%-50s] %3d%%", bar.c_str(), percent);
+  }
+  void finish() const {
+    if (visible_ && percent_ >= 0) std::fputc('\n', stderr);
+  }
+
+ private:
+  bool visible_;
+  int percent_ = -1;
+};
+
+/// What went wrong with the input as a whole, if anything.
+std::string inputProblem(const SlamSystem& system, const Intake& intake, const RunWriter& writer) {
+  if (system.needsRig() && !system.hasRig() && system.counts().frames_without_rig > 0) {
+    return "features were not used: " + intake.rigAssembler().problem();
+  }
+  if (writer.empty()) return "no message gave a pose";
+  return {};
+}
+
+void printSummary(const RunBagOptions& options, const RunWriter& writer, const RunSummary& summary,
+                  std::size_t landmarks) {
+  const SystemCounts& c = summary.counts;
+  std::cout << writer.size()
+            << (writer.hasFrames() ? " frames" : " gyro samples (the bag has no stereo frames)") << ", "
+            << landmarks << " landmarks, " << c.features << " features (" << c.features_used << " used, "
+            << c.features_rejected << " rejected, " << c.features_invalid << " invalid)\n";
+  for (const auto& [reason, count] : summary.turned_away)
+    std::cout << "turned away: " << reason << ": " << count << "\n";
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    static constexpr const char* kNames[] = {"gyro", "velocity", "stereo"};
+    if (c.late[i] + c.duplicate[i] + c.invalid[i] == 0) continue;
+    std::cout << kNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
+              << c.invalid[i] << " invalid\n";
+  }
+  if (c.resets > 0) std::cout << c.resets << " resets (time jumped back)\n";
+  std::printf("%.1f s of sensor time in %.2f s\n", writer.sensorSeconds(), summary.wall_s);
+  std::cout << "results in " << options.output << std::endl;
+}
+
+int run(const RunBagOptions& options) {
+  const FullConfig config = loadFullConfig(options.config);
+  BagInput input(options.bag, options.topics);
+  RunWriter::makeDirectory(options.output);
+  SlamSystem system(config.core);
+  RunWriter writer;
+  system.onFrame([&writer](const Output& output) { writer.addFrame(output); });
+  system.onGyro([&writer](const Output& output) { writer.addGyro(output); });
+  system.onReset([&writer](const std::string& reason) {
+    std::cerr << "run_bag: reset: " << reason << std::endl;
+    writer.restart();
+  });
+  Intake intake(system, config.ros, options.topics);
+
+  const auto start = std::chrono::steady_clock::now();
+  std::string problem;
+  Progress progress(!options.quiet);
+  try {
+    input.feed(intake, [&progress](double share) {
+      progress.show(share);
+      return g_stop == 0;
+    });
+    if (g_stop != 0) problem = "interrupted; what was computed so far is written";
+  } catch (const BagError& e) {
+    problem = e.what();
+  }
+  system.flush();
+  progress.finish();
+  if (problem.empty()) problem = inputProblem(system, intake, writer);
+
+  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  const RunSummary summary{options.bag, options.config, wall.count(), system.counts(), intake.turnedAway()};
+  const auto landmarks = system.estimator().landmarks();
+  writer.writeTrajectory(options.output);
+  writer.writeMap(options.output, landmarks);
+  writer.writeSummary(options.output, summary, landmarks.size());
+  if (!options.quiet) printSummary(options, writer, summary, landmarks.size());
+  if (problem.empty()) return kOk;
+  std::cerr << "run_bag: " << problem << std::endl;
+  return kInput;
+}
+
+} // namespace
+} // namespace vi_ekf_slam
+
+int main(int argc, char** argv) {
+  using namespace vi_ekf_slam;
+  std::signal(SIGINT, [](int) { g_stop = 1; });
+  std::signal(SIGTERM, [](int) { g_stop = 1; });
+  try {
+    const RunBagOptions options = parseRunBagOptions(argc, argv);
+    if (options.help) {
+      std::cout << kRunBagHelp;
+      return kOk;
+    }
+    return run(options);
+  } catch (const UsageError& e) {
+    std::cerr << "run_bag: " << e.what() << "\nTry 'run_bag --help'." << std::endl;
+    return kUsage;
+  } catch (const BagError& e) {
+    std::cerr << "run_bag: " << e.what() << std::endl;
+    return kInput;
+  } catch (const std::exception& e) { // configuration, or an output that cannot be written
+    std::cerr << "run_bag: " << e.what() << std::endl;
+    return kUsage;
+  }
+}

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "vi_ekf_slam/ros/intake.hpp"
+
+namespace vi_ekf_slam {
+
+/// A command line that cannot be followed; what() says why.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct RunBagOptions {
+  std::string bag;
+  std::string config;
+  std::string output;
+  InputTopics topics; ///< absolute names
+  bool quiet = false;
+  bool help = false;
+};
+
+/// Throws UsageError.
+RunBagOptions parseRunBagOptions(int argc, const char* const* argv);
+
+extern const char* const kRunBagHelp;
+
+} // namespace vi_ekf_slam
