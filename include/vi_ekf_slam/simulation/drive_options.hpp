@@ -1,0 +1,86 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace vi_ekf_slam::simulation {
+
+enum class MotionModel {
+  kCarDrive,     ///< a car round a rectangular block, lap after lap
+  kProcessModel, ///< the twist is a random walk: an exact draw from a constant-velocity prior
+};
+
+/// What to simulate. The defaults resemble the real drives: 10 Hz, a noisy twist, stale frames, other cars.
+/// Units, limits and help of every member: driveOptionFields().
+struct DriveOptions {
+  std::uint64_t seed = 1;
+  MotionModel motion = MotionModel::kCarDrive;
+  double duration = 0.0; ///< s; 0: `laps` decide
+  double laps = 2.0;
+  double block_length = 140.0;         ///< m
+  double block_width = 90.0;           ///< m
+  double speed = 9.0;                  ///< m/s on the straights; of the process model's start
+  double corner_speed = 4.5;           ///< m/s
+  double standing_start = 0.0;         ///< s at rest before the start
+  double corner_stop = 0.0;            ///< s at rest before the first corner
+  double start_time = 1317386425.5625; ///< s since the epoch
+
+  double frame_rate = 10.0; ///< Hz
+  double imu_rate = 0.0;    ///< Hz, a whole multiple of frame_rate; 0: the same
+
+  double velocity_sigma = 0.5;      ///< m/s, white, per sample and axis
+  double gyro_sigma = 0.05;         ///< rad/s, white, per sample and axis
+  double gyro_bias_min = 0.004;     ///< rad/s, least magnitude of the constant bias of an axis
+  double gyro_bias_max = 0.010;     ///< rad/s, largest; uniform in between, random sign
+  double gyro_bias_sigma = 0.0;     ///< rad/s; > 0: normal biases instead of the two above
+  double velocity_bias_sigma = 0.0; ///< m/s, constant normal bias per axis
+
+  double pixel_sigma = 0.7;       ///< px per coordinate, white in time
+  double pixel_correlation = 0.0; ///< between the left and the right coordinate of one observation
+  int features_max = 115;         ///< tracks after the fullest re-detection
+  int features_min = 25;          ///< fewer tracks than this call for a re-detection
+  double track_median = 26.0;     ///< frames; median of the exponential track life, if nothing else ends it
+  int track_max = 170;            ///< frames, the longest track
+  double outlier_fraction = 0.03; ///< of the tracks: wrong stereo matches and sliding tracks
+  int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
+  double stale_fraction = 0.09;   ///< of the frames: re-detections that repeat the surviving tracks' pixels
+  bool ids_return = false;        ///< whether a landmark that is detected again has its old id
+  double min_depth = 3.0;         ///< m
+  double max_depth = 150.0;       ///< m
+
+  double twist_decay = 0.0;    ///< s, time constant back to the nominal twist; 0: never, an exact random walk
+  double noise_forward = 0.5;  ///< m/s^1.5, root spectral density of the acceleration along x
+  double noise_lateral = 0.15; ///< m/s^1.5, along y
+  double noise_vertical = 0.15; ///< m/s^1.5, along z
+  double noise_rotation = 0.1;  ///< rad/s^1.5, of the angular acceleration, each axis
+
+  /// imu_rate with its default resolved, Hz.
+  double imuRate() const { return imu_rate > 0.0 ? imu_rate : frame_rate; }
+};
+
+/// Describes one member of DriveOptions; one table serves checks, command lines and help texts.
+struct DriveOptionField {
+  using Member = std::variant<double DriveOptions::*, int DriveOptions::*, bool DriveOptions::*,
+                              std::uint64_t DriveOptions::*, MotionModel DriveOptions::*>;
+  const char* name;
+  Member member;
+  double min; ///< of numbers
+  double max; ///< of numbers
+  const char* unit;
+  const char* help;
+};
+
+const std::vector<DriveOptionField>& driveOptionFields();
+
+/// Sets the option `name` from text. Throws std::invalid_argument that names option, value and allowed range.
+void setDriveOption(DriveOptions& options, const std::string& name, const std::string& text);
+
+/// The option's value as setDriveOption reads it.
+std::string driveOptionText(const DriveOptions& options, const DriveOptionField& field);
+
+/// Throws std::invalid_argument for values out of range or options that contradict each other.
+void checkDriveOptions(const DriveOptions& options);
+
+} // namespace vi_ekf_slam::simulation

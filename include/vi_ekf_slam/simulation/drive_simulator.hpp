@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/simulation/drive_options.hpp"
+#include "vi_ekf_slam/simulation/front_end.hpp"
+#include "vi_ekf_slam/simulation/motion.hpp"
+#include "vi_ekf_slam/simulation/scene.hpp"
+#include "vi_ekf_slam/simulation/traffic.hpp"
+
+namespace vi_ekf_slam::simulation {
+
+/// The true motion behind one pair of IMU samples.
+struct TrueTwist {
+  Stamp stamp = 0;
+  Vector6d twist =
+      Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, from `stamp` until the next sample
+};
+
+/// One frame and the samples from its stamp (included) to the next frame's (excluded).
+///
+/// Sample j is nu_j + bias + noise, where the true twist nu_j is held from t_j to t_{j+1}:
+/// T_{j+1} = T_j Exp((t_{j+1} - t_j) nu_j). Noise-free samples therefore dead-reckon to the true poses
+/// exactly, when each is held until the next.
+struct DriveStep {
+  std::size_t index = 0;
+  Stamp stamp = 0;
+  SE3 world_T_imu;                   ///< at `stamp`; the identity in the first step
+  std::vector<TrueTwist> true_twist; ///< of `gyro` and `velocity`, in their order
+  std::vector<GyroSample> gyro;
+  std::vector<VelocitySample> velocity;
+  StereoFrame frame;
+  std::vector<ObservationTruth> truth; ///< of frame.features, in their order
+  bool stale = false;
+};
+
+/// Produces a drive step by step, in memory that does not grow with its length. A seed always gives the same
+/// drive.
+class DriveSimulator {
+ public:
+  /// Throws std::invalid_argument as checkDriveOptions does.
+  explicit DriveSimulator(const DriveOptions& options);
+
+  /// The next step; nothing when the drive is over.
+  std::optional<DriveStep> next();
+
+  /// Fraction of the drive that is done, from 0 to 1.
+  double progress() const;
+
+  const View& view() const { return view_; }
+  const StereoRig& rig() const { return view_.rig; }
+  const DriveOptions& options() const { return options_; }
+  const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }         ///< rad/s
+  const Eigen::Vector3d& velocityBias() const { return velocity_bias_; } ///< m/s
+
+ private:
+  void drawBiases();
+  Stamp sampleStamp(std::size_t sample) const;
+
+  DriveOptions options_;
+  View view_;
+  std::unique_ptr<Motion> motion_;
+  std::unique_ptr<Scene> scene_;
+  Traffic traffic_;
+  FrontEnd front_end_;
+  Random imu_random_;
+  Eigen::Vector3d gyro_bias_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d velocity_bias_ = Eigen::Vector3d::Zero();
+  std::size_t samples_per_frame_;
+  std::size_t index_ = 0;
+};
+
+/// A whole drive.
+struct Drive {
+  DriveOptions options;
+  StereoRig rig;
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();     ///< rad/s
+  Eigen::Vector3d velocity_bias = Eigen::Vector3d::Zero(); ///< m/s
+  std::vector<DriveStep> steps;
+  /// Where the static points are, m in the world frame, by ObservationTruth::point.
+  std::map<std::uint64_t, Eigen::Vector3d> static_points;
+};
+
+Drive simulateDrive(const DriveOptions& options);
+
+/// The measurements of a step in the order in which an estimator takes them: by stamp, then gyro, velocity,
+/// frame.
+std::vector<Measurement> measurementsOf(const DriveStep& step);
+
+} // namespace vi_ekf_slam::simulation

@@ -1,0 +1,63 @@
+#pragma once
+
+#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/simulation/block_path.hpp"
+#include "vi_ekf_slam/simulation/drive_options.hpp"
+#include "vi_ekf_slam/simulation/random.hpp"
+
+namespace vi_ekf_slam::simulation {
+
+/// How the vehicle moves. The true twist is piecewise constant: T_{k+1} = T_k Exp(dt nu_k), exactly.
+class Motion {
+ public:
+  virtual ~Motion() = default;
+
+  /// Moves on by `dt` s. Returns nu_k = (v in m/s, omega in rad/s) in the IMU frame, held throughout the
+  /// step.
+  virtual Vector6d step(double dt) = 0;
+  /// m travelled so far.
+  virtual double distance() const = 0;
+
+  /// The first is the identity.
+  const SE3& world_T_imu() const { return world_T_imu_; }
+
+ protected:
+  SE3 world_T_imu_;
+};
+
+/// Laps round a block: the poses are those of the path, nu_k = Log(T_k^-1 T_{k+1}) / dt.
+class CarMotion : public Motion {
+ public:
+  explicit CarMotion(const DriveOptions& options);
+  Vector6d step(double dt) override;
+  double distance() const override { return station_; }
+
+ private:
+  double allowedSpeed() const;
+
+  BlockPath path_;
+  SE3 world_T_path_;
+  double straight_speed_, corner_speed_;
+  double station_ = 0.0;
+  double speed_ = 0.0;
+  double rest_;        ///< s still to stand
+  double corner_stop_; ///< s to stand at `stop_station_`; 0 once done
+  double stop_station_;
+};
+
+/// The twist is a random walk from (speed, 0, 0, 0, 0, 0): nu_{k+1} = nu_k + n, n ~ N(0, dt Q). With
+/// twist_decay tau it returns to its first value n: nu_{k+1} = n + exp(-dt / tau) (nu_k - n) + noise.
+class ProcessMotion : public Motion {
+ public:
+  explicit ProcessMotion(const DriveOptions& options);
+  Vector6d step(double dt) override;
+  double distance() const override { return distance_; }
+
+ private:
+  Random random_;
+  Vector6d nominal_, twist_, noise_;
+  double decay_;
+  double distance_ = 0.0;
+};
+
+} // namespace vi_ekf_slam::simulation

@@ -1,0 +1,162 @@
+#include "vi_ekf_slam/simulation/drive_options.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <sstream>
+#include <stdexcept>
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+using O = DriveOptions;
+
+std::string number(double value) {
+  std::ostringstream out;
+  out.precision(16);
+  out << value;
+  return out.str();
+}
+
+std::string allowed(const DriveOptionField& field) {
+  if (std::holds_alternative<bool O::*>(field.member)) return "true or false";
+  if (std::holds_alternative<MotionModel O::*>(field.member)) return "car or process";
+  if (std::holds_alternative<std::uint64_t O::*>(field.member))
+    return "a whole number from 0 to 18446744073709551615";
+  const bool whole = std::holds_alternative<int O::*>(field.member);
+  return std::string(whole ? "a whole number from " : "from ") + number(field.min) + " to " +
+         number(field.max) + (*field.unit ? std::string(" ") + field.unit : "");
+}
+
+[[noreturn]] void refuse(const DriveOptionField& field, const std::string& value) {
+  throw std::invalid_argument("option '" + std::string(field.name) + "' is '" + value +
+                              "', allowed: " + allowed(field));
+}
+
+void checkRange(const DriveOptionField& field, double value) {
+  if (!(value >= field.min && value <= field.max)) refuse(field, number(value));
+}
+
+double parseDouble(const DriveOptionField& field, const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0') refuse(field, text);
+  checkRange(field, value);
+  return value;
+}
+
+std::uint64_t parseSeed(const DriveOptionField& field, const std::string& text) {
+  std::istringstream in(text);
+  std::uint64_t value = 0;
+  const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+  if (!digits || !(in >> value)) refuse(field, text);
+  return value;
+}
+
+void require(bool condition, const std::string& what) {
+  if (!condition) throw std::invalid_argument(what);
+}
+
+} // namespace
+
+const std::vector<DriveOptionField>& driveOptionFields() {
+  static const std::vector<DriveOptionField> fields = {
+      {"seed", &O::seed, 0, 0, "", "same seed and options, same drive"},
+      {"motion", &O::motion, 0, 0, "", "car: laps round a block; process: the twist is a random walk"},
+      {"duration", &O::duration, 0, 1e7, "s", "length of the drive; 0: laps decide"},
+      {"laps", &O::laps, 0.01, 1e6, "", "laps of the block when duration is 0"},
+      {"block-length", &O::block_length, 40, 2000, "m", "longer side of the lap"},
+      {"block-width", &O::block_width, 40, 2000, "m", "shorter side of the lap"},
+      {"speed", &O::speed, 0.5, 40, "m/s", "on the straights; at the start of the process model"},
+      {"corner-speed", &O::corner_speed, 0.5, 10, "m/s", "in the corners"},
+      {"standing-start", &O::standing_start, 0, 1e4, "s", "at rest before the start"},
+      {"corner-stop", &O::corner_stop, 0, 1e4, "s", "at rest before the first corner"},
+      {"start-time", &O::start_time, 0, 4e9, "s", "first stamp, since the epoch"},
+      {"frame-rate", &O::frame_rate, 0.5, 200, "Hz", "stereo frames"},
+      {"imu-rate", &O::imu_rate, 0, 2000, "Hz", "gyro and velocity, a multiple of frame-rate; 0: the same"},
+      {"velocity-sigma", &O::velocity_sigma, 0, 10, "m/s", "white noise per sample and axis"},
+      {"gyro-sigma", &O::gyro_sigma, 0, 1, "rad/s", "white noise per sample and axis"},
+      {"gyro-bias-min", &O::gyro_bias_min, 0, 1, "rad/s", "least magnitude of an axis' constant bias"},
+      {"gyro-bias-max", &O::gyro_bias_max, 0, 1, "rad/s", "largest magnitude of an axis' constant bias"},
+      {"gyro-bias-sigma", &O::gyro_bias_sigma, 0, 1, "rad/s",
+       "above 0: normal biases instead of min and max"},
+      {"velocity-bias-sigma", &O::velocity_bias_sigma, 0, 10, "m/s", "constant normal bias per axis"},
+      {"pixel-sigma", &O::pixel_sigma, 0, 10, "px", "white noise per coordinate"},
+      {"pixel-correlation", &O::pixel_correlation, 0, 1, "", "of the noise in the left and the right image"},
+      {"features-max", &O::features_max, 1, 2000, "", "tracks after the fullest re-detection"},
+      {"features-min", &O::features_min, 0, 2000, "", "fewer tracks call for a re-detection"},
+      {"track-median", &O::track_median, 1, 1e6, "frames", "median of the exponential track life"},
+      {"track-max", &O::track_max, 1, 1e6, "frames", "longest track"},
+      {"outlier-fraction", &O::outlier_fraction, 0, 1, "", "tracks that are wrong matches or slide"},
+      {"moving-objects", &O::moving_objects, 0, 50, "", "other cars at a time, 5 to 10 features each"},
+      {"stale-fraction", &O::stale_fraction, 0, 0.3, "", "frames that repeat the pixels of the frame before"},
+      {"ids-return", &O::ids_return, 0, 1, "", "whether a landmark seen again has its old id"},
+      {"min-depth", &O::min_depth, 0.5, 100, "m", "nearest landmark used"},
+      {"max-depth", &O::max_depth, 5, 1000, "m", "farthest landmark used"},
+      {"twist-decay", &O::twist_decay, 0, 1e6, "s", "process model: time constant back to speed; 0: none"},
+      {"noise-forward", &O::noise_forward, 0, 10, "m/s^1.5", "process model: acceleration along x"},
+      {"noise-lateral", &O::noise_lateral, 0, 10, "m/s^1.5", "process model: acceleration along y"},
+      {"noise-vertical", &O::noise_vertical, 0, 10, "m/s^1.5", "process model: acceleration along z"},
+      {"noise-rotation", &O::noise_rotation, 0, 10, "rad/s^1.5", "process model: angular acceleration"},
+  };
+  return fields;
+}
+
+void setDriveOption(DriveOptions& options, const std::string& name, const std::string& text) {
+  for (const DriveOptionField& field : driveOptionFields()) {
+    if (name != field.name) continue;
+    if (const auto* d = std::get_if<double O::*>(&field.member)) {
+      options.*(*d) = parseDouble(field, text);
+    } else if (const auto* i = std::get_if<int O::*>(&field.member)) {
+      const double value = parseDouble(field, text);
+      if (value != std::floor(value)) refuse(field, text);
+      options.*(*i) = static_cast<int>(value);
+    } else if (const auto* s = std::get_if<std::uint64_t O::*>(&field.member)) {
+      options.*(*s) = parseSeed(field, text);
+    } else if (const auto* b = std::get_if<bool O::*>(&field.member)) {
+      if (text != "true" && text != "false") refuse(field, text);
+      options.*(*b) = text == "true";
+    } else {
+      if (text != "car" && text != "process") refuse(field, text);
+      options.motion = text == "car" ? MotionModel::kCarDrive : MotionModel::kProcessModel;
+    }
+    return;
+  }
+  throw std::invalid_argument("there is no option '" + name + "'");
+}
+
+std::string driveOptionText(const DriveOptions& options, const DriveOptionField& field) {
+  if (const auto* d = std::get_if<double O::*>(&field.member)) return number(options.*(*d));
+  if (const auto* i = std::get_if<int O::*>(&field.member)) return std::to_string(options.*(*i));
+  if (const auto* s = std::get_if<std::uint64_t O::*>(&field.member)) return std::to_string(options.*(*s));
+  if (const auto* b = std::get_if<bool O::*>(&field.member)) return options.*(*b) ? "true" : "false";
+  return options.motion == MotionModel::kCarDrive ? "car" : "process";
+}
+
+void checkDriveOptions(const DriveOptions& options) {
+  for (const DriveOptionField& field : driveOptionFields()) {
+    if (const auto* d = std::get_if<double O::*>(&field.member)) checkRange(field, options.*(*d));
+    if (const auto* i = std::get_if<int O::*>(&field.member)) checkRange(field, options.*(*i));
+  }
+  const double ratio = options.imuRate() / options.frame_rate;
+  require(ratio > 0.5 && std::abs(ratio - std::round(ratio)) < 1e-9,
+          "option 'imu-rate' is '" + number(options.imu_rate) +
+              "', allowed: whole multiples of frame-rate, " + number(options.frame_rate) + " Hz");
+  require(options.gyro_bias_min <= options.gyro_bias_max,
+          "option 'gyro-bias-min' is '" + number(options.gyro_bias_min) +
+              "', allowed: up to gyro-bias-max, " + number(options.gyro_bias_max) + " rad/s");
+  require(options.features_min <= options.features_max,
+          "option 'features-min' is '" + std::to_string(options.features_min) +
+              "', allowed: up to features-max, " + std::to_string(options.features_max));
+  require(options.min_depth < options.max_depth, "option 'min-depth' is '" + number(options.min_depth) +
+                                                     "', allowed: below max-depth, " +
+                                                     number(options.max_depth) + " m");
+  if (options.motion == MotionModel::kCarDrive) return;
+  require(options.duration > 0.0,
+          "option 'duration' is '0', allowed: above 0 s when motion is process, which has no laps");
+  require(
+      !options.ids_return,
+      "option 'ids-return' is 'true', allowed: false when motion is process, whose landmarks do not return");
+}
+
+} // namespace vi_ekf_slam::simulation

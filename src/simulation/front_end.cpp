@@ -1,0 +1,186 @@
+#include "vi_ekf_slam/simulation/front_end.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+constexpr std::uint64_t kNoiseStream = 4, kTrackStream = 5, kStaleStream = 6;
+constexpr int kStaleGap = 3; // frames, the least from one stale frame to the next
+constexpr double kLn2 = 0.6931471805599453;
+constexpr double kLeastRefill = 0.7; // of features_max
+
+} // namespace
+
+FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
+    : options_(options),
+      view_(view),
+      scene_(scene),
+      noise_random_(options.seed, kNoiseStream),
+      track_random_(options.seed, kTrackStream),
+      stale_random_(options.seed, kStaleStream) {}
+
+FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
+                                   const std::vector<MovingObject>& objects) {
+  const SE3 cam_T_world = view_.rig.cam_T_imu * world_T_imu.inverse();
+  const SE3 world_T_cam = cam_T_world.inverse();
+  const bool first = frames_since_stale_ < 0;
+  const bool stale = drawStale();
+  std::vector<Track> survivors;
+  for (Track& track : tracks_) {
+    if (--track.frames_left < 0) continue;
+    if (stale ? goAstray(track, world_T_cam) : follow(track, cam_T_world, objects))
+      survivors.push_back(track);
+  }
+  tracks_ = std::move(survivors);
+  if (first || stale || tracks_.size() < static_cast<std::size_t>(options_.features_min)) {
+    detect(world_T_cam, objects);
+  }
+
+  std::sort(tracks_.begin(), tracks_.end(), [](const Track& a, const Track& b) { return a.id < b.id; });
+  Result result;
+  result.frame.stamp = stamp;
+  result.stale = stale;
+  for (const Track& track : tracks_) {
+    result.frame.features.push_back({track.id, track.pixels});
+    result.truth.push_back(track.truth);
+  }
+  return result;
+}
+
+/// A geometric gap on top of the least one, of mean 1 / stale_fraction in all.
+bool FrontEnd::drawStale() {
+  if (frames_since_stale_ < 0 || options_.stale_fraction <= 0.0) {
+    frames_since_stale_ = 0;
+    return false;
+  }
+  if (++frames_since_stale_ < kStaleGap) return false;
+  const double hazard = 1.0 / (1.0 / options_.stale_fraction - (kStaleGap - 1));
+  if (stale_random_.uniform() >= hazard) return false;
+  frames_since_stale_ = 0;
+  return true;
+}
+
+/// Each coordinate N(0, pixel_sigma^2); left and right share `pixel_correlation` of the variance.
+StereoPixels FrontEnd::noise() {
+  const double shared = std::sqrt(options_.pixel_correlation),
+               own = std::sqrt(1.0 - options_.pixel_correlation);
+  const double u = shared * noise_random_.normal(), v = shared * noise_random_.normal();
+  StereoPixels n(u, v, u, v);
+  for (int i = 0; i < 4; ++i) n[i] += own * noise_random_.normal();
+  return options_.pixel_sigma * n;
+}
+
+/// Observes the track's point again. False where it is lost.
+bool FrontEnd::follow(Track& track, const SE3& cam_T_world, const std::vector<MovingObject>& objects) {
+  if (track.car) {
+    const auto object = std::find_if(objects.begin(), objects.end(), [&track](const MovingObject& o) {
+      return o.present() && o.id == track.car->first;
+    });
+    if (object == objects.end()) return false;
+    track.truth.world = object->position + object->points[track.car->second];
+  }
+  const Eigen::Vector3d p = cam_T_world * track.truth.world;
+  if (!view_.sees(p)) return false;
+  if (!track.car && scene_.occluded(cam_T_world.inverse().translation(), track.truth.world)) return false;
+  track.offset += track.slide;
+  const StereoPixels where = view_.rig.camera.project(p) + track.offset;
+  if (!view_.contains(where)) return false;
+  track.pixels = where + noise();
+  if (track.truth.kind == ObservationKind::kStale) track.truth.kind = ObservationKind::kStatic;
+  return true;
+}
+
+/// Keeps the pixels and takes the static point under them, whatever was followed before. False where there is
+/// none.
+bool FrontEnd::goAstray(Track& track, const SE3& world_T_cam) {
+  const auto p_cam = view_.rig.camera.triangulate(track.pixels - noise());
+  if (!p_cam || !view_.sees(*p_cam)) return false;
+  track.truth.point = next_point_++;
+  track.truth.world = world_T_cam * *p_cam;
+  track.truth.kind = ObservationKind::kStale;
+  track.scene_index.reset();
+  track.car.reset();
+  track.offset.setZero();
+  track.slide.setZero();
+  return true;
+}
+
+void FrontEnd::detect(const SE3& world_T_cam, const std::vector<MovingObject>& objects) {
+  const SE3 cam_T_world = world_T_cam.inverse();
+  const double fill = track_random_.uniform(kLeastRefill, 1.0);
+  const auto target = static_cast<std::size_t>(std::lround(std::max(fill * options_.features_max, 1.0)));
+  for (const MovingObject& object : objects) {
+    for (std::size_t i = 0; object.present() && i < object.points.size(); ++i) {
+      const std::pair<std::uint64_t, std::size_t> car(object.id, i);
+      const bool tracked =
+          std::any_of(tracks_.begin(), tracks_.end(), [&car](const Track& t) { return t.car == car; });
+      Track track;
+      track.truth.kind = ObservationKind::kMoving;
+      track.truth.world = object.position + object.points[i];
+      track.car = car;
+      if (!tracked && tracks_.size() < target) start(track, cam_T_world);
+    }
+  }
+  if (tracks_.size() >= target) return;
+  std::vector<std::uint64_t> taken;
+  for (const Track& track : tracks_) {
+    if (track.scene_index) taken.push_back(*track.scene_index);
+  }
+  // With ids that return, an astray track still bears the id of the point that it has left.
+  if (options_.ids_return) {
+    for (const auto& [index, known] : known_) {
+      const FeatureId id = known.first;
+      if (std::any_of(tracks_.begin(), tracks_.end(), [id](const Track& t) { return t.id == id; })) {
+        taken.push_back(index);
+      }
+    }
+  }
+  std::sort(taken.begin(), taken.end());
+  for (const ScenePoint& point : scene_.detect(world_T_cam, target - tracks_.size(), taken)) {
+    Track track;
+    track.truth.world = point.world;
+    track.scene_index = point.index;
+    if (track_random_.uniform() < options_.outlier_fraction) makeOutlier(track);
+    start(track, cam_T_world);
+  }
+}
+
+/// Names and observes a new track, if it can be seen.
+void FrontEnd::start(Track track, const SE3& cam_T_world) {
+  const Eigen::Vector3d p = cam_T_world * track.truth.world;
+  if (!view_.sees(p)) return;
+  const StereoPixels where = view_.rig.camera.project(p) + track.offset;
+  if (!view_.contains(where)) return;
+  const bool returning = options_.ids_return && track.scene_index;
+  const auto known = returning ? known_.find(*track.scene_index) : known_.end();
+  if (known != known_.end()) {
+    track.id = known->second.first;
+    track.truth.point = known->second.second;
+  } else {
+    track.id = next_id_++;
+    track.truth.point = next_point_++;
+    if (returning) known_[*track.scene_index] = {track.id, track.truth.point};
+  }
+  track.pixels = where + noise();
+  const double life = track_random_.exponential() * options_.track_median / kLn2;
+  track.frames_left = static_cast<int>(std::min<double>(options_.track_max - 1, std::floor(life)));
+  tracks_.push_back(track);
+}
+
+/// Half of the outliers are matched to a wrong column of the right image, half slide away in both images.
+void FrontEnd::makeOutlier(Track& track) {
+  track.truth.kind = ObservationKind::kOutlier;
+  if (track_random_.uniform() < 0.5) {
+    track.offset[2] = track_random_.sign() * track_random_.uniform(8.0, 60.0);
+  } else {
+    const double angle = track_random_.uniform(0.0, 6.283185307179586),
+                 speed = track_random_.uniform(2.0, 5.0);
+    const double u = speed * std::cos(angle), v = speed * std::sin(angle);
+    track.slide = {u, v, u, v};
+    track.offset = track.slide;
+  }
+}
+
+} // namespace vi_ekf_slam::simulation

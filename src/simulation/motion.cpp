@@ -1,0 +1,72 @@
+#include "vi_ekf_slam/simulation/motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+constexpr std::uint64_t kMotionStream = 1;
+constexpr double kAcceleration = 1.5;   // m/s^2
+constexpr double kStopTolerance = 0.05; // m
+
+double brakingSpeed(double final_speed, double distance) {
+  return std::sqrt(final_speed * final_speed + 2.0 * kAcceleration * std::max(0.0, distance));
+}
+
+} // namespace
+
+CarMotion::CarMotion(const DriveOptions& options)
+    : path_(options.block_length, options.block_width),
+      world_T_path_(path_.path_T_imu(0.0).inverse()),
+      straight_speed_(options.speed),
+      corner_speed_(std::min(options.corner_speed, options.speed)),
+      rest_(options.standing_start),
+      corner_stop_(options.corner_stop),
+      stop_station_(path_.distanceToCorner(0.0)) {
+  if (rest_ <= 0.0) speed_ = allowedSpeed();
+}
+
+double CarMotion::allowedSpeed() const {
+  double speed = std::min(straight_speed_, brakingSpeed(corner_speed_, path_.distanceToCorner(station_)));
+  if (corner_stop_ > 0.0) speed = std::min(speed, brakingSpeed(0.0, stop_station_ - station_));
+  return speed;
+}
+
+Vector6d CarMotion::step(double dt) {
+  if (corner_stop_ > 0.0 && stop_station_ - station_ < kStopTolerance) {
+    rest_ = corner_stop_;
+    corner_stop_ = 0.0;
+    speed_ = 0.0;
+  }
+  if (rest_ > 1e-9) {
+    rest_ -= dt;
+    return Vector6d::Zero();
+  }
+  speed_ = std::min(speed_ + kAcceleration * dt, allowedSpeed());
+  station_ += speed_ * dt;
+  const SE3 next = world_T_path_ * path_.path_T_imu(station_);
+  const Vector6d twist = (world_T_imu_.inverse() * next).Log() / dt;
+  world_T_imu_ = next.normalized();
+  return twist;
+}
+
+ProcessMotion::ProcessMotion(const DriveOptions& options)
+    : random_(options.seed, kMotionStream), nominal_(Vector6d::Zero()), decay_(options.twist_decay) {
+  nominal_[0] = options.speed;
+  twist_ = nominal_;
+  noise_ << options.noise_forward, options.noise_lateral, options.noise_vertical, options.noise_rotation,
+      options.noise_rotation, options.noise_rotation;
+}
+
+Vector6d ProcessMotion::step(double dt) {
+  const Vector6d twist = twist_;
+  world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * twist)).normalized();
+  distance_ += twist.head<3>().norm() * dt;
+  const double keep = decay_ > 0.0 ? std::exp(-dt / decay_) : 1.0;
+  twist_ = nominal_ + keep * (twist_ - nominal_);
+  for (int i = 0; i < 6; ++i) twist_[i] += noise_[i] * std::sqrt(dt) * random_.normal();
+  return twist;
+}
+
+} // namespace vi_ekf_slam::simulation

@@ -1,0 +1,185 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+/// Largest element by which two poses differ, m or 1.
+double distance(const SE3& a, const SE3& b) { return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff(); }
+
+DriveOptions noiseFree() {
+  DriveOptions options;
+  options.velocity_sigma = options.gyro_sigma = options.gyro_bias_min = options.gyro_bias_max = 0.0;
+  return options;
+}
+
+double deadReckoningError(const DriveOptions& options) {
+  DeadReckoning dead_reckoning;
+  double worst = 0.0;
+  for (const DriveStep& step : simulateDrive(options).steps) {
+    dead_reckoning.process(step.gyro.front());
+    dead_reckoning.process(step.velocity.front());
+    worst = std::max(worst, distance(dead_reckoning.pose(), step.world_T_imu));
+    for (std::size_t j = 1; j < step.gyro.size(); ++j) {
+      dead_reckoning.process(step.gyro[j]);
+      dead_reckoning.process(step.velocity[j]);
+    }
+  }
+  return worst;
+}
+
+TEST(Motion, FirstPoseIsTheIdentity) {
+  DriveOptions options;
+  EXPECT_EQ(distance(DriveSimulator(options).next()->world_T_imu, SE3()), 0.0);
+  options.motion = MotionModel::kProcessModel;
+  options.duration = 1.0;
+  EXPECT_EQ(distance(DriveSimulator(options).next()->world_T_imu, SE3()), 0.0);
+}
+
+TEST(Motion, NoiseFreeSamplesDeadReckonToTheTruth) {
+  DriveOptions options = noiseFree();
+  options.standing_start = 2.0;
+  options.corner_stop = 1.0;
+  EXPECT_LT(deadReckoningError(options), 1e-9);
+  options.duration = 30.0;
+  options.imu_rate = 100.0;
+  EXPECT_LT(deadReckoningError(options), 1e-9);
+  options.motion = MotionModel::kProcessModel;
+  EXPECT_LT(deadReckoningError(options), 1e-9);
+}
+
+TEST(Motion, TwoLapsReturnToTheStart) {
+  const Drive drive = simulateDrive(DriveOptions());
+  const double lap = BlockPath(drive.options.block_length, drive.options.block_width).perimeter();
+  double length = 0.0, highest = 0.0;
+  for (std::size_t k = 1; k < drive.steps.size(); ++k) {
+    const SE3 &a = drive.steps[k - 1].world_T_imu, &b = drive.steps[k].world_T_imu;
+    length += (b.translation() - a.translation()).norm();
+    highest = std::max(highest, drive.steps[k].true_twist.front().twist.head<3>().norm());
+  }
+  EXPECT_NEAR(length, 2.0 * lap, 0.01 * lap);
+  EXPECT_LT(drive.steps.back().world_T_imu.translation().norm(), 2.0);
+  EXPECT_NEAR(highest, drive.options.speed, 0.1);
+}
+
+TEST(Motion, StandsStillWhereItIsTold) {
+  DriveOptions options;
+  options.standing_start = 3.0;
+  options.corner_stop = 4.0;
+  int at_rest = 0;
+  for (const DriveStep& step : simulateDrive(options).steps) {
+    const bool rest = step.true_twist.front().twist.isZero(0.0);
+    at_rest += rest ? 1 : 0;
+    EXPECT_TRUE(rest || step.index >= 30) << step.index;
+  }
+  EXPECT_NEAR(at_rest, 70, 1);
+}
+
+TEST(Motion, ProcessModelIsARandomWalkOfTheGivenDensity) {
+  DriveOptions options;
+  options.motion = MotionModel::kProcessModel;
+  options.duration = 2000.0;
+  options.features_max = 1;
+  options.features_min = 0;
+  const Drive drive = simulateDrive(options);
+  Vector6d sum = Vector6d::Zero(), lagged = Vector6d::Zero(), before = Vector6d::Zero();
+  for (std::size_t k = 1; k < drive.steps.size(); ++k) {
+    const Vector6d d = drive.steps[k].true_twist[0].twist - drive.steps[k - 1].true_twist[0].twist;
+    sum += d.cwiseAbs2();
+    lagged += d.cwiseProduct(before);
+    before = d;
+  }
+  const double n = static_cast<double>(drive.steps.size() - 1), dt = 0.1;
+  Vector6d density;
+  density << 0.5, 0.15, 0.15, 0.1, 0.1, 0.1;
+  for (int i = 0; i < 6; ++i) {
+    const double variance = density[i] * density[i] * dt;
+    EXPECT_NEAR(sum[i] / n, variance, 4.0 * variance * std::sqrt(2.0 / n)) << i;
+    EXPECT_NEAR(lagged[i] / n, 0.0, 4.0 * variance / std::sqrt(n)) << i;
+  }
+}
+
+TEST(Motion, TwistDecayKeepsTheTwistBounded) {
+  DriveOptions options;
+  options.motion = MotionModel::kProcessModel;
+  options.duration = 2000.0;
+  options.twist_decay = 5.0;
+  options.features_max = 1;
+  options.features_min = 0;
+  double sum = 0.0, squares = 0.0;
+  const Drive drive = simulateDrive(options);
+  for (const DriveStep& step : drive.steps) {
+    const double v = step.true_twist.front().twist[0];
+    sum += v;
+    squares += v * v;
+  }
+  const double n = static_cast<double>(drive.steps.size()), mean = sum / n;
+  EXPECT_NEAR(mean, options.speed, 0.5);
+  EXPECT_NEAR(squares / n - mean * mean, 0.5 * 5.0 * 0.25, 0.2); // tau q^2 / 2
+}
+
+TEST(Samples, NoiseAndBiasAreThoseOfTheOptions) {
+  DriveOptions options;
+  options.seed = 11;
+  options.imu_rate = 100.0;
+  options.velocity_bias_sigma = 0.2;
+  const Drive drive = simulateDrive(options);
+  Vector6d sum = Vector6d::Zero(), squares = Vector6d::Zero(), bias;
+  bias << drive.velocity_bias, drive.gyro_bias;
+  double n = 0.0;
+  for (const DriveStep& step : drive.steps) {
+    ASSERT_EQ(step.gyro.size(), 10u);
+    for (std::size_t j = 0; j < step.gyro.size(); ++j, n += 1.0) {
+      Vector6d noise;
+      noise << step.velocity[j].linear_velocity, step.gyro[j].angular_velocity;
+      noise -= step.true_twist[j].twist;
+      sum += noise;
+      squares += (noise - bias).cwiseAbs2();
+    }
+  }
+  for (int i = 0; i < 6; ++i) {
+    const double sigma = i < 3 ? options.velocity_sigma : options.gyro_sigma;
+    EXPECT_NEAR(sum[i] / n, bias[i], 4.0 * sigma / std::sqrt(n)) << i;
+    EXPECT_NEAR(squares[i] / n, sigma * sigma, 4.0 * sigma * sigma * std::sqrt(2.0 / n)) << i;
+  }
+}
+
+TEST(Samples, GyroBiasesFillTheirRangeWithEitherSign) {
+  int positive = 0, low_half = 0;
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    DriveOptions options;
+    options.seed = seed;
+    const Eigen::Vector3d bias = DriveSimulator(options).gyroBias();
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_GE(std::abs(bias[i]), options.gyro_bias_min);
+      EXPECT_LE(std::abs(bias[i]), options.gyro_bias_max);
+      positive += bias[i] > 0.0 ? 1 : 0;
+      low_half += std::abs(bias[i]) < 0.007 ? 1 : 0;
+    }
+  }
+  EXPECT_NEAR(positive, 150, 40);
+  EXPECT_NEAR(low_half, 150, 40);
+}
+
+TEST(Samples, StampsStartAndStepAsTold) {
+  DriveOptions options;
+  options.duration = 2.0;
+  options.imu_rate = 30.0;
+  const Drive drive = simulateDrive(options);
+  ASSERT_EQ(drive.steps.size(), 20u);
+  for (const DriveStep& step : drive.steps) {
+    const Stamp expected = 1317386425562500000 + 100000000 * static_cast<Stamp>(step.index);
+    EXPECT_EQ(step.stamp, expected);
+    EXPECT_EQ(step.frame.stamp, expected);
+    ASSERT_EQ(step.gyro.size(), 3u);
+    EXPECT_EQ(step.gyro.front().stamp, expected);
+    EXPECT_EQ(step.velocity.back().stamp, expected + 66666667);
+  }
+}
+
+} // namespace
+} // namespace vi_ekf_slam::simulation
