@@ -1,50 +1,19 @@
-"""Write a drive as a bag: the order of its messages, and a file that appears whole or not at all.
+"""Write a drive as a bag.
 
 Topics: /tf_static, /ground_truth/path (both latched, once, first), /left/camera_info, /right/camera_info, /imu,
 /velocity, /features, /ground_truth/pose; at equal stamps in this order. A message's record time is its stamp.
 Connections are first used in the same order, which is how readers that merge connections break ties.
 """
 
-import contextlib
-import os
-import secrets
-
 import numpy as np
 import rosbag
 
 from vi_ekf_slam import bag_messages as make
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.output_file import replacing
 
 STATIC_TOPIC, PATH_TOPIC = "/tf_static", "/ground_truth/path"
 LATCHED_TOPICS = (STATIC_TOPIC, PATH_TOPIC)
 POSE_TOPIC = "/ground_truth/pose"
-
-
-def check_output(path, source=None):
-    """InputError unless a bag can be put at `path` without harm to anything but an older file of that name."""
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder):
-        raise InputError("%s: the directory %s does not exist" % (path, folder))
-    if os.path.lexists(path) and not os.path.isfile(path):
-        raise InputError("%s: is not a regular file and will not be replaced" % path)
-    if source is not None and os.path.exists(path) and os.path.samefile(path, source):
-        raise InputError("%s: is the input itself" % path)
-
-
-@contextlib.contextmanager
-def replacing(path):
-    """A binary stream whose content replaces `path` when the block ends well, and leaves no trace when it does not."""
-    target = os.path.realpath(path)
-    part = os.path.join(os.path.dirname(target), ".%s.%s.part" % (os.path.basename(target), secrets.token_hex(4)))
-    try:
-        with open(part, "x+b") as stream:
-            yield stream
-        os.replace(part, target)
-    except OSError as reason:
-        raise InputError("%s: cannot be written: %s" % (path, reason.strerror or reason))
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(part)
 
 
 def messages(dataset, ids, gyro_sigma, velocity_sigma, truth=None):

@@ -1,6 +1,7 @@
 """Command line of dataset_to_bag.py."""
 
 import argparse
+import contextlib
 import signal
 import sys
 
@@ -10,11 +11,13 @@ from vi_ekf_slam import checks
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB, load_dataset
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.extrinsic import READINGS
+from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
 from vi_ekf_slam.summary import summarise
 from vi_ekf_slam.truth import BODIES, load_truth
 
 EXIT_REFUSED = 2
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s
 
@@ -60,7 +63,8 @@ def convert(options):
     if not options.info:
         if options.output is None:
             raise InputError("OUT.bag is missing; only --info works without it")
-        _bag_writer().check_output(options.output, options.input)
+        check_output(options.output, options.input)
+        _bag_writer()  # complain before the work, not after it
 
     dataset = load_dataset(options.input, options.extrinsic, options.without_features, options.max_memory_mb)
     repair = None
@@ -100,20 +104,28 @@ def _write(options, dataset, repair, truth):
         print("wrote: %s, %d messages" % (options.output, count))
 
 
-def _stop(signum, _frame):
-    # The clean-up that follows must not be interrupted by a second signal.
-    for name in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(name, signal.SIG_IGN)
-    raise SystemExit(128 + signum)
+@contextlib.contextmanager
+def _signals_unwind():
+    """Inside the block SIGINT, SIGTERM and SIGHUP end the program by an exception, so that clean-up runs."""
+    def stop(signum, _frame):
+        for number in STOP_SIGNALS:  # the clean-up itself must not be interrupted
+            signal.signal(number, signal.SIG_IGN)
+        raise SystemExit(128 + signum)
+
+    previous = [(number, signal.signal(number, stop)) for number in STOP_SIGNALS]
+    try:
+        yield
+    finally:
+        for number, handler in previous:
+            signal.signal(number, handler)
 
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
-    for name in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(name, _stop)
     options = make_parser().parse_args(argv)
     try:
-        convert(options)
+        with _signals_unwind():
+            convert(options)
     except InputError as reason:
         print("error: %s" % reason, file=sys.stderr)
         return EXIT_REFUSED

@@ -48,11 +48,11 @@ def sample_poses(stamps, poses, query):
     """
     valid, sampled = np.zeros(len(query), dtype=bool), []
     for i, stamp in enumerate(query):
-        nearest = int(np.argmin(np.abs(stamps - stamp)))
+        after = int(np.searchsorted(stamps, stamp))
+        nearest = min((j for j in (after - 1, after) if 0 <= j < len(stamps)), key=lambda j: abs(stamps[j] - stamp))
         if abs(stamps[nearest] - stamp) <= STAMP_TOLERANCE:
             pose = poses[nearest]
         else:
-            after = int(np.searchsorted(stamps, stamp))
             if after in (0, len(stamps)) or stamps[after] - stamps[after - 1] > MAX_GAP:
                 continue
             fraction = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])

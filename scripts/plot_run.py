@@ -1,0 +1,9 @@
+#!/usr/bin/env python3
+"""Draw a run of run_bag and print its errors; see --help."""
+
+import sys
+
+from vi_ekf_slam.run_plotter import main
+
+if __name__ == "__main__":
+    sys.exit(main())
