@@ -1,0 +1,82 @@
+"""Shared parts of the Python tests. Run after sourcing the devel space: python3 -m pytest test/python"""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
+DATA = os.environ.get("VI_EKF_SLAM_DATA", os.path.join(ROOT, "..", "shared", "data"))
+
+
+def pytest_configure(config):
+    try:
+        import vi_ekf_slam.msg  # noqa: F401
+    except ImportError as reason:
+        raise pytest.UsageError("%s: build the package and source its devel/setup.bash first" % reason)
+
+
+def data_file(name):
+    """Path of a real drive's file; skips the test, saying how to run it, where the data is not at hand."""
+    path = os.path.join(DATA, name)
+    if not os.path.isfile(path):
+        pytest.skip("NOT RUN: %s is not in %s; set VI_EKF_SLAM_DATA to the directory with the drives" % (name, DATA))
+    return path
+
+
+@pytest.fixture
+def script():
+    """Runs one of the package's scripts as a process of its own; returns the finished process."""
+    def run(name, *arguments):
+        return subprocess.run([sys.executable, script_path(name)] + [str(a) for a in arguments],
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=60)
+    return run
+
+
+def script_path(name):
+    return os.path.join(ROOT, "scripts", name)
+
+
+# Optical axes (x right, y down, z forward) seen from the IMU's (x forward, y left, z up).
+CAM_R_IMU = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+CAMERA_IN_IMU = np.array([1.1, -0.3, 0.7])  # m
+
+
+def drive(frames=8, landmarks=12, **changes):
+    """The arrays of a small valid drive, edition one; a change to None takes a key away."""
+    random = np.random.default_rng(7)
+    features = random.uniform(10.0, 300.0, (4, landmarks, frames))
+    features[:, 0, 3:] = -1.0
+    features[:, 1, :2] = -1.0
+    arrays = {
+        "time_stamps": 1317386425.5 + 0.1 * np.arange(frames)[None, :],
+        "linear_velocity": np.vstack([np.full(frames, 5.0), random.normal(size=(2, frames))]),
+        "rotational_velocity": 0.1 * random.normal(size=(3, frames)),
+        "features": features,
+        "K": np.array([[700.0, 0.0, 320.0], [0.0, 650.0, 240.0], [0.0, 0.0, 1.0]]),
+        "b": np.float64(0.5),
+        "cam_T_imu": np.vstack([np.column_stack([CAM_R_IMU, CAMERA_IN_IMU]), [0, 0, 0, 1]]),
+    }
+    arrays.update(changes)
+    return {key: value for key, value in arrays.items() if value is not None}
+
+
+def second_edition(**changes):
+    """The same drive under the keys angular_velocity and imu_T_cam."""
+    arrays = drive(**changes)
+    arrays["angular_velocity"] = arrays.pop("rotational_velocity")
+    del arrays["cam_T_imu"]
+    arrays["imu_T_cam"] = np.vstack([np.column_stack([CAM_R_IMU.T, CAMERA_IN_IMU]), [0, 0, 0, 1]])
+    return arrays
+
+
+@pytest.fixture
+def save(tmp_path):
+    """Writes arrays as an .npz; returns its path as text."""
+    def write(arrays, name="drive.npz"):
+        path = str(tmp_path / name)
+        np.savez(path, **arrays)
+        return path
+    return write
