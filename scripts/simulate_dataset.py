@@ -1,0 +1,9 @@
+#!/usr/bin/env python3
+"""Simulate a drive as a dataset (.npz) with its truth; see --help."""
+
+import sys
+
+from vi_ekf_slam.simulation import main
+
+if __name__ == "__main__":
+    sys.exit(main())
