@@ -1,0 +1,55 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+
+#include <array>
+#include <deque>
+#include <optional>
+
+#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/ros/intake.hpp"
+
+namespace vi_ekf_slam {
+
+/// Rate of a stream by its stamps, over the last few messages.
+class RateMeter {
+ public:
+  void add(Stamp stamp);
+  /// Hz of sensor time; 0 with fewer than two messages.
+  double rate() const;
+  /// s of wall time since the last message; nothing before the first.
+  std::optional<double> silence() const;
+
+ private:
+  std::deque<Stamp> stamps_;
+  std::optional<ros::WallTime> last_;
+};
+
+/// What /diagnostics says about the node. Keeps references: `system` and `intake` must outlive this.
+class Diagnostics {
+ public:
+  Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const SlamSystem& system, const Intake& intake);
+
+  void noteInput(Stream stream, const ros::Time& stamp);
+  void noteOutput(const Output& output, bool is_frame);
+  void publish() { updater_.force_update(); }
+
+ private:
+  using Status = diagnostic_updater::DiagnosticStatusWrapper;
+
+  void inputs(Status& status);
+  void calibration(Status& status);
+  void estimator(Status& status);
+  void drops(Status& status);
+
+  const SlamSystem& system_;
+  const Intake& intake_;
+  std::array<RateMeter, kStreamCount> rates_;
+  Stamp newest_input_ = 0;
+  Stamp newest_output_ = 0;
+  std::optional<Output> last_frame_;
+  double slowest_update_s_ = 0.0; ///< since the last report
+  diagnostic_updater::Updater updater_;
+};
+
+} // namespace vi_ekf_slam

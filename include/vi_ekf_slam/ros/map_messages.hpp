@@ -1,0 +1,38 @@
+#pragma once
+
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/estimator.hpp"
+
+namespace vi_ekf_slam {
+
+/// rviz draws no more points than this from one marker.
+constexpr std::size_t kMaxPointsPerMarker = 16384;
+
+/// How landmarks look in rviz.
+struct MarkerStyle {
+  std::string frame;        ///< of the positions
+  double size_m = 0.2;      ///< m
+  double sigma_red_m = 1.0; ///< m, standard deviation from which a landmark is red; 0 is green
+};
+
+/// Root mean square of the three standard deviations, m.
+double landmarkSigma(const LandmarkEstimate& landmark);
+
+/// POINTS markers with ids 0, 1, ... of at most kMaxPointsPerMarker points each, coloured by uncertainty;
+/// those of the `previous_markers` that are no longer needed are deleted.
+visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
+                                          const MarkerStyle& style, std::size_t previous_markers);
+
+/// One DELETEALL.
+visualization_msgs::MarkerArray deleteAllMarkers(const std::string& frame);
+
+/// Fields x, y, z, sigma (FLOAT32, m) and id, id_high (UINT32, low and high half of the landmark's id).
+sensor_msgs::PointCloud2 toCloud(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
+                                 const std::string& frame);
+
+} // namespace vi_ekf_slam

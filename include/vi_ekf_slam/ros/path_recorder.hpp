@@ -1,0 +1,33 @@
+#pragma once
+
+#include <nav_msgs/Path.h>
+
+#include <string>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/se3.hpp"
+
+namespace vi_ekf_slam {
+
+/// A path that stays small: points at least a distance apart, and every second one dropped (the distance
+/// doubled) when there are too many, so that the whole way stays visible.
+class PathRecorder {
+ public:
+  /// `frame`: the path's header.frame_id; `min_distance_m` in m.
+  PathRecorder(std::string frame, std::size_t max_points, double min_distance_m);
+
+  /// Whether the pose became a point.
+  bool add(Stamp stamp, const SE3& pose);
+  void clear();
+  const nav_msgs::Path& message() const { return path_; }
+
+ private:
+  void thin();
+
+  std::size_t max_points_;
+  double configured_distance_;
+  double min_distance_;
+  nav_msgs::Path path_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,119 @@
+#include "vi_ekf_slam/ros/diagnostics.hpp"
+
+#include <algorithm>
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr std::size_t kWindow = 50; // messages
+constexpr double kSilence = 2.0;    // s of wall time
+constexpr const char* kStreams[] = {"imu", "velocity", "features"};
+
+} // namespace
+
+void RateMeter::add(Stamp stamp) {
+  if (!stamps_.empty() && stamp < stamps_.back()) stamps_.clear();
+  stamps_.push_back(stamp);
+  if (stamps_.size() > kWindow) stamps_.pop_front();
+  last_ = ros::WallTime::now();
+}
+
+double RateMeter::rate() const {
+  if (stamps_.size() < 2 || stamps_.back() == stamps_.front()) return 0.0;
+  return static_cast<double>(stamps_.size() - 1) / secondsBetween(stamps_.front(), stamps_.back());
+}
+
+std::optional<double> RateMeter::silence() const {
+  if (!last_) return std::nullopt;
+  return (ros::WallTime::now() - *last_).toSec();
+}
+
+Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const SlamSystem& system,
+                         const Intake& intake)
+    : system_(system), intake_(intake), updater_(nh, private_nh) {
+  updater_.setHardwareID("vi_ekf_slam");
+  updater_.add("inputs", this, &Diagnostics::inputs);
+  updater_.add("calibration", this, &Diagnostics::calibration);
+  updater_.add("estimator", this, &Diagnostics::estimator);
+  updater_.add("dropped", this, &Diagnostics::drops);
+}
+
+void Diagnostics::noteInput(Stream stream, const ros::Time& stamp) {
+  rates_[static_cast<std::size_t>(stream)].add(conversions::toStamp(stamp));
+  newest_input_ = conversions::toStamp(stamp);
+}
+
+void Diagnostics::noteOutput(const Output& output, bool is_frame) {
+  newest_output_ = output.state.stamp;
+  if (!is_frame) return;
+  last_frame_ = output;
+  slowest_update_s_ = std::max(slowest_update_s_, output.update_s);
+}
+
+void Diagnostics::inputs(Status& status) {
+  status.summary(DiagnosticStatus::OK, "all inputs come in");
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    status.addf(std::string(kStreams[i]) + " rate (Hz of sensor time)", "%.2f", rates_[i].rate());
+    const auto silence = rates_[i].silence();
+    if (silence && *silence < kSilence) continue;
+    status.mergeSummary(DiagnosticStatus::WARN,
+                        std::string(silence ? "silent: " : "nothing yet on ") + kStreams[i]);
+  }
+}
+
+void Diagnostics::calibration(Status& status) {
+  status.add("known", system_.hasRig());
+  if (system_.hasRig()) {
+    status.summary(DiagnosticStatus::OK, "known");
+  } else if (!system_.needsRig()) {
+    status.summary(DiagnosticStatus::OK, "not needed: the configuration uses no features");
+  } else {
+    status.summary(DiagnosticStatus::WARN, intake_.rigAssembler().problem());
+  }
+  if (intake_.rigAssembler().changedLater()) {
+    status.summary(DiagnosticStatus::WARN, "camera_info has changed; the first calibration stays in use");
+  }
+}
+
+void Diagnostics::estimator(Status& status) {
+  status.add("initialised", newest_output_ != 0);
+  if (newest_output_ == 0) {
+    status.summary(DiagnosticStatus::WARN, "not initialised: no measurement processed yet");
+    return;
+  }
+  status.summary(DiagnosticStatus::OK, "running");
+  status.addf("lag behind newest input (s of sensor time)", "%.3f",
+              secondsBetween(newest_output_, newest_input_));
+  if (!last_frame_) return;
+  const FrameReport& r = last_frame_->report;
+  status.add("features", r.features);
+  status.add("used (inliers)", r.used);
+  status.add("rejected", r.rejected);
+  status.add("invalid", r.invalid);
+  status.add("landmarks", r.landmarks);
+  if (r.nis_dof > 0) status.addf("NIS per degree of freedom", "%.3f", r.nis / static_cast<double>(r.nis_dof));
+  status.addf("slowest update since last report (ms)", "%.2f", 1e3 * slowest_update_s_);
+  slowest_update_s_ = 0.0;
+  if (r.frame_rejected) status.summary(DiagnosticStatus::WARN, "the last frame was rejected as a whole");
+}
+
+void Diagnostics::drops(Status& status) {
+  status.summary(DiagnosticStatus::OK, "counts since start");
+  const SystemCounts& c = system_.counts();
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    const std::string stream = kStreams[i];
+    status.add(stream + ": late", c.late[i]);
+    status.add(stream + ": duplicate", c.duplicate[i]);
+    status.add(stream + ": not finite or bad covariance", c.invalid[i]);
+  }
+  status.add("frames without calibration", c.frames_without_rig);
+  status.add("frames rejected", c.frames_rejected);
+  status.add("resets", c.resets);
+  for (const auto& [reason, count] : intake_.turnedAway()) status.add(reason, count);
+}
+
+} // namespace vi_ekf_slam
