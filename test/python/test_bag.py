@@ -194,6 +194,17 @@ def test_truth_of_the_camera_becomes_poses_of_the_imu(convert, tmp_path):
     assert frames == ["left_camera_optical", "right_camera_optical"]  # nothing of the truth on TF
 
 
+def test_truth_poses_are_recorded_at_their_stamps(convert, tmp_path):
+    start = drive()["time_stamps"][0, 0]
+    truth = tmp_path / "truth.tum"
+    truth.write_text("".join("%.9f %d 0 0 0 0 0 1\n" % (start + t, k) for k, t in enumerate((0.0, 0.05, 0.1, 0.7))))
+    order = [topic for topic, _ in in_file_order(convert(drive(), "--truth", str(truth)))]
+    pose = ["/ground_truth/pose"]
+    # At equal stamps after the frame's own messages, between frames in between; the last frame's is not lost.
+    assert order[:15] == ["/tf_static", "/ground_truth/path"] + PER_FRAME + 2 * pose + PER_FRAME + pose
+    assert order[-6:] == PER_FRAME + pose and order.count(pose[0]) == 4
+
+
 def test_conversion_is_deterministic(convert):
     first, second = (open(convert(drive(), name=name), "rb").read() for name in ("a.bag", "b.bag"))
     assert first == second

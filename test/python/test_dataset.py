@@ -243,6 +243,18 @@ def test_a_flipped_bit_is_noticed(save):
         load_dataset(path)
 
 
+def test_a_wrong_checksum_is_noticed_in_compressed_members(tmp_path):
+    path = str(tmp_path / "compressed.npz")
+    np.savez_compressed(path, **drive())
+    with zipfile.ZipFile(path) as archive:
+        checksum = struct.pack("<L", archive.getinfo("features.npy").CRC)
+    content = open(path, "rb").read()
+    with open(path, "wb") as stream:
+        stream.write(content.replace(checksum, bytes(4)))
+    with pytest.raises(InputError, match="key 'features' is damaged: Bad CRC-32"):
+        load_dataset(path)
+
+
 def test_missing_files_directories_and_other_formats_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         load_dataset(str(tmp_path / "none.npz"))

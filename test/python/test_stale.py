@@ -67,9 +67,9 @@ def test_one_last_bit_is_motion():
     assert ids_of(features).stale_frames == []
 
 
-@pytest.mark.parametrize("repeated, stale", [(5, True), (4, False)])
+@pytest.mark.parametrize("repeated, stale", [(6, True), (5, False)])
 def test_half_of_the_survivors_must_repeat(repeated, stale):
-    features = moving_tracks(10, 3)
+    features = moving_tracks(12, 3)
     repeat(features, 1, slice(0, repeated))
     assert bool(ids_of(features).stale_frames) == stale
 
