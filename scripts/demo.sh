@@ -1,0 +1,111 @@
+#!/usr/bin/env bash
+# Runs the whole chain without a screen: set up, dataset, bag, launch, picture.
+#
+#   scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]
+#
+# Without a dataset one is simulated. A truth DATASET_truth_left_camera.txt beside the dataset is used. The output goes
+# to demo_output/NAME unless told otherwise; what is there and still fits is used again.
+# CONFIG=FILE chooses the configuration (default: the launch file's), RATE=N the playback rate (default: 4).
+
+set -euo pipefail
+# shellcheck source=scripts/environment.sh
+source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
+
+[ "$#" -le 2 ] || fail "usage: scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]"
+case "${1:-}" in -*) fail "usage: scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]" ;; esac
+dataset="${1:-}"
+[ -z "$dataset" ] || [ -f "$dataset" ] || fail "$dataset: no such file"
+name=simulated
+[ -z "$dataset" ] || name="$(basename "$dataset" .npz)"
+output="${2:-$root/demo_output/$name}"
+
+"$root/scripts/setup.sh"
+source_unset "$build/devel/setup.bash"
+mkdir -p "$output"
+output="$(cd "$output" && pwd)"
+
+# is_current FILE KEY: whether FILE was made from what KEY stands for.
+is_current() { [ -f "$1" ] && [ "$(cat "$1.key" 2>/dev/null)" = "$2" ]; }
+content() { cat "$@" | sha256sum | cut -d' ' -f1; }
+
+if [ -z "$dataset" ]; then
+  dataset="$output/$name.npz"
+  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation.py")"
+  if is_current "$dataset" "$key"; then
+    say "using $dataset again"
+  else
+    say "simulating a drive"
+    "$python" "$root/scripts/simulate_dataset.py" "$dataset"
+    printf '%s' "$key" >"$dataset.key"
+  fi
+fi
+
+truth="${dataset%.npz}_truth_left_camera.txt"
+sources=("$dataset")
+convert=("$python" "$root/scripts/dataset_to_bag.py" "$dataset" "$output/$name.bag")
+if [ -f "$truth" ]; then
+  sources+=("$truth")
+  convert+=(--truth "$truth")
+fi
+key="$(content "${sources[@]}" "$root"/src/vi_ekf_slam/*.py)"
+if is_current "$output/$name.bag" "$key"; then
+  say "using $output/$name.bag again"
+else
+  say "converting to $output/$name.bag"
+  "${convert[@]}"
+  printf '%s' "$key" >"$output/$name.bag.key"
+fi
+
+# A master of our own, so that nobody else's is disturbed.
+port="$("$python" - <<'EOF'
+import socket
+for port in (11311, 0):
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("", port))
+        except OSError:
+            continue
+        print(probe.getsockname()[1])
+        break
+EOF
+)"
+export ROS_MASTER_URI="http://localhost:$port" ROS_HOSTNAME=localhost
+unset ROS_IP
+
+launch=""
+stop_launch() {
+  [ -n "$launch" ] || return 0
+  kill -TERM "$launch" 2>/dev/null || true
+  wait "$launch" 2>/dev/null || true
+}
+trap stop_launch EXIT
+trap 'exit 130' INT
+trap 'exit 143' TERM
+
+run="$output/run"
+log="$output/launch.log"
+rm -rf "$run"
+mkdir -p "$run"
+arguments=("bag:=$output/$name.bag" rviz:=false "output_dir:=$run" "rate:=${RATE:-4}")
+[ -z "${CONFIG:-}" ] || arguments+=("config:=$(realpath "$CONFIG")")
+say "playing the bag through the node (log: $log)"
+roslaunch -p "$port" vi_ekf_slam slam.launch "${arguments[@]}" >"$log" 2>&1 </dev/null &
+launch=$!
+wait "$launch" || {
+  status=$?
+  tail -n 30 "$log" >&2
+  fail "roslaunch ended with status $status"
+}
+launch=""
+[ -s "$run/trajectory.tum" ] || {
+  tail -n 30 "$log" >&2
+  fail "the node left no trajectory in $run"
+}
+
+picture="$output/$name.png"
+plot=("$python" "$root/scripts/plot_run.py" "$run" --bag "$output/$name.bag" --name "$name" --output "$picture")
+[ ! -f "$truth" ] || plot+=(--truth "$truth")
+say "result"
+"${plot[@]}"
+printf 'dataset: %s\nbag:     %s\nresults: %s\npicture: %s\n' "$dataset" "$output/$name.bag" "$run" "$picture"

@@ -1,0 +1,31 @@
+# shellcheck shell=bash
+# Sourced by setup.sh, demo.sh and test.sh: where things are, and an environment that asks nothing of the caller's.
+# BUILD_DIR=DIR builds there instead of in build/.
+
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+build="${BUILD_DIR:-$root/build}"
+# shellcheck disable=SC2034
+python=/usr/bin/python3  # the system's: ROS packages are not in anybody's virtual environment
+
+export PATH="/usr/bin:$PATH"  # the same holds for scripts that begin with `env python3`
+[ -w "${HOME:-}" ] || export HOME="$build/home"
+export ROS_HOME="$build/ros_home"
+export ROS_LOG_DIR="$build/ros_home/log"
+export MPLCONFIGDIR="$build/matplotlib"
+export MPLBACKEND=Agg
+mkdir -p "$HOME" "$ROS_LOG_DIR" "$MPLCONFIGDIR"
+
+say() { printf '== %s\n' "$*"; }
+
+fail() {
+  printf 'error: %s\n' "$*" >&2
+  exit 1
+}
+
+# Catkin's setup files read variables that are not set.
+source_unset() {
+  set +u
+  # shellcheck disable=SC1090
+  source "$1"
+  set -u
+}
