@@ -1,0 +1,48 @@
+#!/usr/bin/env python3
+"""Without CameraInfo the node says what is missing, does not crash and still reckons."""
+
+import sys
+import time
+import unittest
+
+import rospy
+import rostest
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Log
+from std_srvs.srv import Trigger
+
+import drive_data
+
+
+class NoCalibration(unittest.TestCase):
+    """Live topics without camera_info and /tf_static."""
+
+    def test_clear_warning_and_dead_reckoning(self):
+        """The warning names the topic, comes more than never and less than always."""
+        rospy.init_node("no_calibration_test")
+        odometry, warnings = [], []
+        rospy.Subscriber("odometry", Odometry, odometry.append, queue_size=1000)
+        rospy.Subscriber("/rosout", Log, lambda m: warnings.append(m.msg) if m.level >= Log.WARN else None)
+        messages = drive_data.drive(duration=9.0, calibrated=False)
+        publishers = {topic: rospy.Publisher(topic, type(message), queue_size=1000) for topic, message in messages}
+        deadline = time.monotonic() + 20.0
+        while any(p.get_num_connections() == 0 for p in publishers.values()):
+            self.assertLess(time.monotonic(), deadline, "the node does not listen")
+            time.sleep(0.05)
+        for topic, message in messages:
+            publishers[topic].publish(message)
+            time.sleep(0.1 if topic == "imu" else 0.0)
+        time.sleep(1.0)
+
+        named = [w for w in warnings if "left/camera_info" in w and "right/camera_info" in w]
+        self.assertTrue(1 <= len(named) <= 4, warnings)
+        self.assertGreater(len(odometry), 80)
+        travelled = odometry[-1].pose.pose.position.x
+        self.assertAlmostEqual(10.5 * 0.97, travelled, delta=0.3)  # sin(1.8) of the radius 2.1 / 0.2
+        response = rospy.ServiceProxy("slam/save_map", Trigger)()
+        self.assertFalse(response.success)
+        self.assertIn("output_dir", response.message)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("vi_ekf_slam", "no_calibration", NoCalibration, sys.argv)

@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+"""A bag through slam.launch and through run_bag gives the same files."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rospkg
+import rostest
+
+import drive_data
+
+PACKAGE = "vi_ekf_slam"
+SAME_FILES = ("trajectory.tum", "dead_reckoning.tum", "covariance.csv", "landmarks.csv")
+# s; playing takes 6 s / rate.
+LIMIT = 60.0
+
+
+def _free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def _read(*path):
+    with open(os.path.join(*path), encoding="ascii") as file:
+        return file.read()
+
+
+class Playback(unittest.TestCase):
+    """Runs both programs on the same generated bag."""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="vi_ekf_slam_playback_")
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        self.bag = os.path.join(self.folder, "drive.bag")
+        self.config = os.path.join(os.path.dirname(os.path.abspath(__file__)), "test_config.yaml")
+        drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
+
+    def run_bag(self):
+        """Folder of run_bag's results."""
+        output = os.path.join(self.folder, "run_bag")
+        subprocess.run(["rosrun", PACKAGE, "run_bag", self.bag, "--config", self.config, "--output", output],
+                       check=True, timeout=LIMIT)
+        return output
+
+    def launch(self, *arguments):
+        """Runs slam.launch with a master of its own; returns its log."""
+        port = _free_port()
+        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:%d" % port)
+        launch_file = os.path.join(rospkg.RosPack().get_path(PACKAGE), "launch", "slam.launch")
+        command = ["roslaunch", "-p", str(port), launch_file, "bag:=" + self.bag, "config:=" + self.config, "rate:=4"]
+        done = subprocess.run(command + list(arguments), env=environment, timeout=LIMIT, check=False,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        return done.stdout.decode(errors="replace")
+
+    def check_equal(self, expected, actual, log):
+        """The same text in all result files, and a frame for each that was recorded."""
+        for name in SAME_FILES:
+            self.assertTrue(os.path.isfile(os.path.join(actual, name)), log)
+            self.assertEqual(_read(expected, name), _read(actual, name), name)
+        self.assertEqual(61, len(_read(actual, "trajectory.tum").splitlines()))
+        self.assertGreater(len(_read(actual, "landmarks.csv").splitlines()), 20)
+
+    def test_node_and_nodelet_compute_what_run_bag_computes(self):
+        """Byte for byte; the default folder of a bag's results is beside it."""
+        expected = self.run_bag()
+        log = self.launch()
+        self.check_equal(expected, os.path.join(self.folder, "drive_slam"), log)
+        nodelet = os.path.join(self.folder, "nodelet")
+        log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
+        self.check_equal(expected, nodelet, log)
+
+    def test_frames_correct_the_trajectory(self):
+        """Guards the comparison: were the features ignored, equality would say little."""
+        output = self.run_bag()
+        self.assertNotEqual(_read(output, "trajectory.tum"), _read(output, "dead_reckoning.tum"))
+
+
+if __name__ == "__main__":
+    rostest.rosrun(PACKAGE, "playback", Playback, sys.argv)

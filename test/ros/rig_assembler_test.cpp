@@ -1,0 +1,132 @@
+#include "vi_ekf_slam/ros/rig_assembler.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace vi_ekf_slam {
+namespace {
+
+sensor_msgs::CameraInfo info(bool right) {
+  sensor_msgs::CameraInfo m;
+  m.header.frame_id = right ? "right_optical" : "left_optical";
+  m.P = {500.0, 0.0, 320.0, right ? -250.0 : 0.0, 0.0, 510.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+  return m;
+}
+
+/// imu -> left optical: x right, y down, z forward, 0.4 m ahead of the IMU.
+tf2_msgs::TFMessage extrinsic() {
+  geometry_msgs::TransformStamped t;
+  t.header.frame_id = "imu_link";
+  t.child_frame_id = "left_optical";
+  t.transform.translation.x = 0.4;
+  t.transform.rotation.x = t.transform.rotation.z = -0.5;
+  t.transform.rotation.y = t.transform.rotation.w = 0.5;
+  tf2_msgs::TFMessage m;
+  m.transforms.push_back(t);
+  return m;
+}
+
+class Rig : public testing::Test {
+ protected:
+  void addAll(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
+    rig_.setImuFrame("imu_link");
+    rig_.addTransforms(extrinsic(), true);
+    rig_.addLeft(left);
+    rig_.addRight(right);
+  }
+  bool complainsOf(const std::string& text) const {
+    return !rig_.rig() && rig_.problem().find(text) != std::string::npos;
+  }
+  RigAssembler rig_{"/left", "/right"};
+};
+
+TEST_F(Rig, is_complete_with_two_infos_and_the_transform_whatever_the_order) {
+  rig_.addRight(info(true));
+  rig_.addTransforms(extrinsic(), true);
+  rig_.addLeft(info(false));
+  EXPECT_FALSE(rig_.rig());
+  rig_.setImuFrame("imu_link");
+  ASSERT_TRUE(rig_.rig());
+  EXPECT_EQ("", rig_.problem());
+  const StereoCamera& c = rig_.rig()->camera;
+  EXPECT_EQ(500.0, c.fu);
+  EXPECT_EQ(510.0, c.fv);
+  EXPECT_EQ(320.0, c.cu);
+  EXPECT_EQ(240.0, c.cv);
+  EXPECT_EQ(0.5, c.baseline);
+}
+
+TEST_F(Rig, takes_imu_points_to_the_left_optical_frame) {
+  addAll(info(false), info(true));
+  ASSERT_TRUE(rig_.rig());
+  // 10 m ahead, 2 m to the left, 1 m up in the IMU frame: x right, y down, z forward in the camera.
+  const Eigen::Vector3d p = rig_.rig()->cam_T_imu * Eigen::Vector3d(10.4, 2.0, 1.0);
+  EXPECT_LT((p - Eigen::Vector3d(-2.0, -1.0, 10.0)).norm(), 1e-12);
+}
+
+TEST_F(Rig, names_every_missing_piece) {
+  EXPECT_TRUE(complainsOf("/left"));
+  EXPECT_TRUE(complainsOf("/right"));
+  rig_.addLeft(info(false));
+  EXPECT_FALSE(complainsOf("on /left"));
+  rig_.addRight(info(true));
+  EXPECT_TRUE(complainsOf("IMU's frame"));
+  rig_.setImuFrame("imu_link");
+  EXPECT_TRUE(complainsOf("no transform from 'imu_link' to 'left_optical'"));
+}
+
+TEST_F(Rig, a_transform_on_tf_serves_as_well) {
+  rig_.setImuFrame("imu_link");
+  rig_.addLeft(info(false));
+  rig_.addRight(info(true));
+  auto moving = extrinsic();
+  moving.transforms[0].header.stamp = ros::Time(12.0);
+  rig_.addTransforms(moving, false);
+  EXPECT_TRUE(rig_.rig());
+}
+
+TEST_F(Rig, refuses_a_pair_that_is_not_rectified) {
+  auto right = info(true);
+  right.P[2] += 5.0;
+  addAll(info(false), right);
+  EXPECT_TRUE(complainsOf("cx is 320 px on the left and 325 px"));
+}
+
+TEST_F(Rig, refuses_exchanged_cameras) {
+  addAll(info(true), info(false));
+  EXPECT_TRUE(complainsOf("P[3] of the left camera must be 0"));
+}
+
+TEST_F(Rig, refuses_a_positive_right_offset) {
+  auto right = info(true);
+  right.P[3] = 250.0;
+  addAll(info(false), right);
+  EXPECT_TRUE(complainsOf("must be negative, it is 250"));
+}
+
+TEST_F(Rig, refuses_an_uncalibrated_camera_and_nan) {
+  addAll(sensor_msgs::CameraInfo(), info(true));
+  EXPECT_TRUE(complainsOf("not calibrated"));
+  auto left = info(false);
+  left.P[6] = std::numeric_limits<double>::quiet_NaN();
+  rig_.addLeft(left);
+  EXPECT_TRUE(complainsOf("not finite"));
+  rig_.addLeft(info(false)); // a good one that comes later mends it
+  EXPECT_TRUE(rig_.rig());
+}
+
+TEST_F(Rig, keeps_the_first_calibration_and_notes_a_change) {
+  addAll(info(false), info(true));
+  rig_.addLeft(info(false));
+  EXPECT_FALSE(rig_.changedLater());
+  auto left = info(false);
+  left.P[0] = 600.0;
+  rig_.addLeft(left);
+  EXPECT_TRUE(rig_.changedLater());
+  EXPECT_EQ(500.0, rig_.rig()->camera.fu);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

@@ -1,0 +1,92 @@
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+std::string errorOf(const std::string& yaml) {
+  try {
+    parseFullConfig(yaml, "file.yaml");
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return {};
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+TEST(RosConfig, absent_section_means_defaults) {
+  const RosConfig c = parseRosConfig("", "file.yaml");
+  EXPECT_EQ("map", c.map_frame);
+  EXPECT_TRUE(c.publish_tf);
+  EXPECT_FALSE(c.single_tf);
+}
+
+TEST(RosConfig, one_text_serves_both_halves) {
+  const auto c =
+      parseFullConfig("{paper: {pixel_noise: 3.5}, ros: {map_frame: world, single_tf: true}}", "file.yaml");
+  EXPECT_EQ(3.5, c.core.paper.pixel_noise);
+  EXPECT_EQ("world", c.ros.map_frame);
+  EXPECT_TRUE(c.ros.single_tf);
+}
+
+TEST(RosConfig, names_file_key_and_value_of_what_is_wrong) {
+  for (const auto& [yaml, key, value] : std::vector<std::array<std::string, 3>>{
+           {"ros: {map_frame: /map}", "map_frame", "/map"},
+           {"ros: {odom_frame: map}", "odom_frame", "map"},
+           {"ros: {map_frame: ''}", "map_frame", "''"},
+           {"ros: {imu_frame: odom}", "imu_frame", "odom"},
+           {"ros: {path_max_points: 1}", "path_max_points", "1"},
+           {"ros: {path_max_points: 2.5}", "path_max_points", "2.5"},
+           {"ros: {landmark_period_s: -1}", "landmark_period_s", "-1"},
+           {"ros: {publish_tf: maybe}", "publish_tf", "maybe"},
+           {"ros: {input_queue_size: 0}", "input_queue_size", "0"},
+       }) {
+    const std::string error = errorOf(yaml);
+    EXPECT_TRUE(has(error, "file.yaml") && has(error, key) && has(error, value)) << yaml << " -> " << error;
+  }
+}
+
+TEST(RosConfig, unknown_keys_are_errors_at_every_level) {
+  EXPECT_TRUE(has(errorOf("ros: {map_fram: map}"), "map_fram"));
+  EXPECT_TRUE(has(errorOf("rso: {}"), "rso"));
+}
+
+/// What the parameter server returns for a YAML file that roslaunch loaded.
+TEST(ToYaml, parses_to_the_same_values) {
+  XmlRpc::XmlRpcValue tree;
+  tree["estimator"] = "paper";
+  tree["paper"]["motion_noise"][0] = 1; // YAML 1 is an integer; six numbers may mix
+  for (int i = 1; i < 6; ++i) tree["paper"]["motion_noise"][i] = 0.1;
+  tree["paper"]["pixel_noise"] = "5e9"; // YAML 1.1 takes 5e9 for a string
+  tree["paper"]["prior_landmark_variance"] = 300;
+  tree["paper"]["step_s"] = 0.1 + 0.2;
+  tree["ros"]["publish_tf"] = false;
+  tree["ros"]["map_frame"] = "a \"b\"";
+  tree["output_dir"] = "/somewhere";
+  const auto c = parseFullConfig(toYaml(tree, {"output_dir"}), "parameters");
+  EXPECT_EQ(1.0, c.core.paper.motion_noise[0]);
+  EXPECT_EQ(0.1, c.core.paper.motion_noise[5]);
+  EXPECT_EQ(5e9, c.core.paper.pixel_noise);
+  EXPECT_EQ(300.0, c.core.paper.prior_landmark_variance);
+  EXPECT_EQ(0.1 + 0.2, c.core.paper.step_s); // all digits
+  EXPECT_FALSE(c.ros.publish_tf);
+  EXPECT_EQ("a \"b\"", c.ros.map_frame);
+}
+
+TEST(ToYaml, does_not_hide_a_wrong_type) {
+  XmlRpc::XmlRpcValue tree;
+  tree["ros"]["publish_tf"] = "yes please";
+  EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
+  tree["ros"]["publish_tf"] = true;
+  tree["paper"]["pixel_noise"] = true;
+  EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

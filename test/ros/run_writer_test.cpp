@@ -1,0 +1,152 @@
+#include "vi_ekf_slam/core/run_writer.hpp"
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+#include <yaml-cpp/yaml.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace fs = std::filesystem;
+
+Output output(Stamp stamp, double angle) {
+  Output o;
+  o.state.stamp = o.report.stamp = stamp;
+  Vector6d xi;
+  xi << 1.0, -2.0, 1e4 + 1.0 / 3.0, 0.0, 0.0, angle;
+  o.state.world_T_imu = SE3::Exp(xi);
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    for (Eigen::Index j = 0; j < 6; ++j)
+      o.state.pose_covariance(i, j) = static_cast<double>(10 * i + j) / 3.0;
+  }
+  o.report.features = 12;
+  o.report.used = 5;
+  return o;
+}
+
+class RunWriterFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/vi_ekf_slam_run_writer_XXXXXX";
+    ASSERT_NE(nullptr, mkdtemp(name));
+    directory_ = name;
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+  std::vector<std::string> lines(const std::string& name) const {
+    std::ifstream file(directory_ + "/" + name);
+    std::vector<std::string> all;
+    for (std::string line; std::getline(file, line);) all.push_back(line);
+    return all;
+  }
+  std::string directory_;
+  RunWriter writer_;
+};
+
+TEST(StampText, is_exact) {
+  EXPECT_EQ("1317386425.562502384", stampText(1317386425562502384));
+  EXPECT_EQ("0.000000001", stampText(1));
+  EXPECT_EQ("-1.500000000", stampText(-1500000000));
+}
+
+TEST_F(RunWriterFiles, a_trajectory_line_reads_back_to_the_pose) {
+  for (const double angle : {0.3, 3.0, -3.0}) writer_.addFrame(output(5, angle));
+  writer_.writeTrajectory(directory_);
+  ASSERT_EQ(3U, lines("trajectory.tum").size());
+  int i = 0;
+  for (const double angle : {0.3, 3.0, -3.0}) {
+    std::istringstream line(lines("trajectory.tum")[static_cast<std::size_t>(i++)]);
+    std::string stamp;
+    double x, y, z, qx, qy, qz, qw;
+    ASSERT_TRUE(line >> stamp >> x >> y >> z >> qx >> qy >> qz >> qw);
+    EXPECT_EQ("0.000000005", stamp);
+    const SE3 expected = output(5, angle).state.world_T_imu;
+    EXPECT_LT((Eigen::Vector3d(x, y, z) - expected.translation()).norm(), 1e-9);
+    const Eigen::Matrix3d R = Eigen::Quaterniond(qw, qx, qy, qz).toRotationMatrix();
+    EXPECT_LT((R - expected.rotation()).cwiseAbs().maxCoeff(), 1e-11);
+    EXPECT_GE(qw, 0.0);
+  }
+}
+
+TEST_F(RunWriterFiles, covariance_is_the_upper_triangle_row_by_row) {
+  writer_.addFrame(output(5, 0.0));
+  writer_.writeTrajectory(directory_);
+  EXPECT_EQ("stamp,xx,xy,xz,xa,xb,xc,yy,yz,ya,yb,yc,zz,za,zb,zc,aa,ab,ac,bb,bc,cc",
+            lines("covariance.csv")[0]);
+  std::istringstream line(lines("covariance.csv")[1]);
+  std::vector<double> values;
+  for (std::string cell; std::getline(line, cell, ',');) values.push_back(std::stod(cell));
+  ASSERT_EQ(22U, values.size());
+  EXPECT_EQ(1.0 / 3.0, values[2]);   // xy, all digits
+  EXPECT_EQ(25.0 / 3.0, values[15]); // zc
+}
+
+TEST_F(RunWriterFiles, gyro_samples_count_only_without_frames) {
+  writer_.addGyro(output(1, 0.0));
+  writer_.addGyro(output(2, 0.0));
+  EXPECT_EQ(2U, writer_.size());
+  EXPECT_FALSE(writer_.hasFrames());
+  writer_.addFrame(output(3, 0.0));
+  writer_.addGyro(output(4, 0.0));
+  writer_.writeTrajectory(directory_);
+  EXPECT_EQ(1U, lines("trajectory.tum").size());
+  EXPECT_EQ(2U, lines("frames.csv").size()); // with the header
+}
+
+TEST_F(RunWriterFiles, what_came_before_a_reset_is_kept_apart) {
+  writer_.addFrame(output(10, 0.0));
+  writer_.addFrame(output(11, 0.0));
+  writer_.restart();
+  writer_.restart(); // nothing between: no empty folder
+  writer_.addFrame(output(1, 0.0));
+  writer_.writeTrajectory(directory_);
+  EXPECT_EQ(1U, lines("trajectory.tum").size());
+  EXPECT_EQ(2U, lines("before_reset_1/trajectory.tum").size());
+  EXPECT_FALSE(fs::exists(directory_ + "/before_reset_2"));
+}
+
+TEST_F(RunWriterFiles, map_and_summary_read_back) {
+  LandmarkEstimate landmark;
+  landmark.id = 18446744073709551615ULL;
+  landmark.position = {1.0, 2.0, 3.0};
+  landmark.covariance << 1, 2, 3, 2, 4, 5, 3, 5, 6;
+  writer_.writeMap(directory_, {landmark});
+  ASSERT_EQ(2U, lines("landmarks.csv").size());
+  EXPECT_EQ("18446744073709551615,1.000000000,2.000000000,3.000000000,1,2,3,4,5,6",
+            lines("landmarks.csv")[1]);
+
+  writer_.addFrame(output(0, 0.0));
+  writer_.addFrame(output(3000000000, 0.0));
+  RunSummary summary;
+  summary.input = "a \"quoted\": bag";
+  summary.wall_s = 1.5;
+  summary.counts.late = {1, 2, 3};
+  summary.turned_away["imu: wrong frame"] = 4;
+  writer_.writeSummary(directory_, summary, 1);
+  const YAML::Node node = YAML::LoadFile(directory_ + "/summary.yaml");
+  EXPECT_EQ(summary.input, node["input"].as<std::string>());
+  EXPECT_EQ(2, node["frames"].as<int>());
+  EXPECT_EQ(6, node["late"]["total"].as<int>());
+  EXPECT_EQ(4, node["turned_away"]["imu: wrong frame"].as<int>());
+  EXPECT_DOUBLE_EQ(2.0, node["times_real_time"].as<double>());
+}
+
+TEST_F(RunWriterFiles, leaves_no_temporary_files_and_names_a_folder_it_cannot_make) {
+  writer_.addFrame(output(5, 0.0));
+  writer_.writeTrajectory(directory_);
+  for (const auto& entry : fs::directory_iterator(directory_)) EXPECT_NE(".tmp", entry.path().extension());
+  const std::string inside_a_file = directory_ + "/trajectory.tum/sub";
+  try {
+    writer_.writeTrajectory(inside_a_file);
+    FAIL() << "wrote below a file";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string::npos, std::string(e.what()).find(inside_a_file));
+  }
+}
+
+} // namespace
+} // namespace vi_ekf_slam
