@@ -53,9 +53,10 @@ Config parseConfig(const std::string& yaml, const std::string& source,
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
   std::ifstream file(path);
   if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
+  file.peek(); // a directory opens, it is the reading that fails
+  if (file.bad()) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
   std::ostringstream text;
   text << file.rdbuf();
-  if (!file) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
   return parseConfig(text.str(), path, other_sections);
 }
 
