@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/yaml_section.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -20,6 +21,20 @@ std::string describe(const YAML::Node& node) {
   return value;
 }
 
+// yaml-cpp before 0.7 descends into nested nodes without a bound and overflows the stack. Nesting takes a
+// bracket or a character of its line for each level, so bounding both bounds it.
+constexpr std::size_t kMaxNesting = 1000;
+
+bool mayNestDeeply(const std::string& yaml) {
+  std::size_t brackets = 0, column = 0, longest = 0;
+  for (const char c : yaml) {
+    if (c == '[' || c == '{') ++brackets;
+    column = c == '\n' ? 0 : column + 1;
+    longest = std::max(longest, column);
+  }
+  return brackets > kMaxNesting || longest > kMaxNesting;
+}
+
 } // namespace
 
 bool Range::contains(double x) const {
@@ -37,7 +52,8 @@ std::string Range::text() const {
 YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
     : node_(std::move(node)), path_(std::move(path)), source_(std::move(source)) {
   if (node_ && !node_.IsNull() && !node_.IsMap()) {
-    throw ConfigError(source_ + ": " + (path_.empty() ? "the document" : path_) + ": '" + describe(node_) +
+    const std::string name = path_.empty() ? "the document" : path_.substr(0, path_.size() - 1);
+    throw ConfigError(source_ + ": " + name + ": '" + describe(node_) +
                       "' is not allowed; it must be a mapping of keys to values");
   }
   if (!node_ || !node_.IsMap()) return;
@@ -51,6 +67,10 @@ YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
 }
 
 YamlSection YamlSection::root(const std::string& yaml, const std::string& source) {
+  if (mayNestDeeply(yaml)) {
+    throw ConfigError(source + ": not readable as YAML: a line of more than " + std::to_string(kMaxNesting) +
+                      " characters or more than as many '[' and '{' are not allowed");
+  }
   try {
     return YamlSection(YAML::Load(yaml), "", source);
   } catch (const YAML::Exception& error) {
