@@ -1,6 +1,8 @@
 #include "vi_ekf_slam/core/paper/observation.hpp"
 
 #include <cmath>
+#include <cstdint>
+#include <limits>
 
 namespace vi_ekf_slam::paper {
 
@@ -27,9 +29,11 @@ std::optional<Eigen::Vector3d> initialLandmark(const StereoRig& rig, const SE3& 
 }
 
 bool isSelected(FeatureId id, double fraction) {
-  const auto count_below = [fraction](double n) { return std::floor(n * fraction + 1e-9); };
-  const auto n = static_cast<double>(id);
-  return count_below(n + 1.0) > count_below(n);
+  if (fraction >= 1.0) return true;
+  // The fractional part of id * fraction in units of 2^-64: the product's overflow takes the whole turns
+  // away, exactly for ids of any size. An id is in when the next one begins another turn.
+  const auto step = static_cast<std::uint64_t>(std::ldexp(fraction, 64));
+  return id * step > std::numeric_limits<std::uint64_t>::max() - step;
 }
 
 } // namespace vi_ekf_slam::paper
