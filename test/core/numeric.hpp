@@ -1,0 +1,105 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <random>
+
+namespace vi_ekf_slam::test {
+
+/// Numbers from a fixed seed, so that a failure comes back.
+class Random {
+ public:
+  explicit Random(unsigned seed) : engine_(seed) {}
+
+  double uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(engine_);
+  }
+
+  template <int N>
+  Eigen::Matrix<double, N, 1> vector(double low, double high) {
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = 0; i < N; ++i) v[i] = uniform(low, high);
+    return v;
+  }
+
+  Eigen::Vector3d direction() {
+    Eigen::Vector3d v = vector<3>(-1.0, 1.0);
+    while (v.norm() < 0.1) v = vector<3>(-1.0, 1.0);
+    return v.normalized();
+  }
+
+  /// A well-conditioned symmetric positive definite matrix.
+  template <int N>
+  Eigen::Matrix<double, N, N> covariance() {
+    Eigen::Matrix<double, N, N> A;
+    for (int i = 0; i < A.size(); ++i) A(i) = uniform(-1.0, 1.0);
+    return A * A.transpose() + 0.1 * Eigen::Matrix<double, N, N>::Identity();
+  }
+
+  std::mt19937& engine() { return engine_; }
+
+ private:
+  std::mt19937 engine_;
+};
+
+/// Derivative of f: R^Cols -> R^Rows at x by the five-point stencil, error O(h^4).
+template <int Rows, int Cols, typename F>
+Eigen::Matrix<double, Rows, Cols> numericJacobian(const F& f, const Eigen::Matrix<double, Cols, 1>& x,
+                                                  double h = 1e-3) {
+  Eigen::Matrix<double, Rows, Cols> J;
+  for (int i = 0; i < Cols; ++i) {
+    const auto at = [&](double step) -> Eigen::Matrix<double, Rows, 1> {
+      Eigen::Matrix<double, Cols, 1> moved = x;
+      moved[i] += step;
+      return f(moved);
+    };
+    J.col(i) = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+  }
+  return J;
+}
+
+using LongMatrix = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+
+/// exp(A) from its power series, scaled and squared, in long double: owes nothing to the closed forms.
+inline LongMatrix expSeries(const LongMatrix& A) {
+  int squarings = 0;
+  LongMatrix scaled = A;
+  while (scaled.cwiseAbs().rowwise().sum().maxCoeff() > 0.5L) {
+    scaled *= 0.5L;
+    ++squarings;
+  }
+  LongMatrix sum = LongMatrix::Identity(A.rows(), A.cols());
+  LongMatrix term = sum;
+  for (int k = 1; k <= 30; ++k) {
+    term = (term * scaled).eval() / static_cast<long double>(k);
+    sum += term;
+  }
+  for (int i = 0; i < squarings; ++i) sum = (sum * sum).eval();
+  return sum;
+}
+
+/// The integral of exp(s A) over s in [0, 1], that is the sum of A^k / (k + 1)!: the left Jacobian for A =
+/// ad.
+inline LongMatrix integratedExpSeries(const LongMatrix& A) {
+  const Eigen::Index n = A.rows();
+  LongMatrix block = LongMatrix::Zero(2 * n, 2 * n);
+  block.topLeftCorner(n, n) = A;
+  block.topRightCorner(n, n).setIdentity();
+  return expSeries(block).topRightCorner(n, n);
+}
+
+/// Largest difference between two matrices.
+template <typename A, typename B>
+double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
+  return static_cast<double>(
+      (a.template cast<long double>() - b.template cast<long double>()).cwiseAbs().maxCoeff());
+}
+
+/// `distance` in units of the largest element of `b`.
+template <typename A, typename B>
+double relativeDistance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
+  return distance(a, b) / static_cast<double>(b.cwiseAbs().maxCoeff());
+}
+
+} // namespace vi_ekf_slam::test
