@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "numeric.hpp"
@@ -97,7 +97,15 @@ class LieGroup : public ::testing::Test {
 };
 
 using Groups = ::testing::Types<Rotation, Pose>;
-TYPED_TEST_SUITE(LieGroup, Groups);
+
+struct GroupNames {
+  template <typename Group>
+  static std::string GetName(int) {
+    return Group::kDim == 3 ? "SO3" : "SE3";
+  }
+};
+
+TYPED_TEST_SUITE(LieGroup, Groups, GroupNames);
 
 TYPED_TEST(LieGroup, ExpOfZeroIsTheIdentityAndLogOfTheIdentityIsZero) {
   using G = TypeParam;

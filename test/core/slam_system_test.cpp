@@ -1,0 +1,404 @@
+#include "vi_ekf_slam/core/slam_system.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "numeric.hpp"
+#include "paper_reference.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using test::distance;
+using test::exampleRig;
+using test::Random;
+
+constexpr auto kGyro = static_cast<std::size_t>(Stream::kGyro);
+constexpr auto kVelocity = static_cast<std::size_t>(Stream::kVelocity);
+constexpr auto kStereo = static_cast<std::size_t>(Stream::kStereo);
+
+Config makeConfig(PaperMode mode) {
+  Config config;
+  config.estimator = EstimatorType::kPaper;
+  config.paper = test::sharpConfig(mode);
+  config.rig_wait_s = 2.0;
+  config.buffer.max_delay_s = 0.2;
+  config.buffer.max_jump_back_s = 1.0;
+  return config;
+}
+
+GyroSample gyro(double t) { return {fromSeconds(t), {0.01, 0.02, 0.1}, {}}; }
+VelocitySample velocity(double t) { return {fromSeconds(t), {2.0, 0.1, 0.0}, {}}; }
+
+/// A drive in the order of its stamps: gyro at 100 Hz, velocity at 50 Hz, stereo at 10 Hz.
+std::vector<Measurement> drive(double start, double duration) {
+  test::Street street(1, 40);
+  DeadReckoning truth;
+  std::vector<Measurement> all;
+  const int samples = static_cast<int>(std::lround(100.0 * duration));
+  for (int i = 0; i < samples; ++i) {
+    const double t = start + 0.01 * i;
+    all.emplace_back(gyro(t));
+    truth.process(gyro(t));
+    if (i % 2 == 0) {
+      all.emplace_back(velocity(t));
+      truth.process(velocity(t));
+    }
+    if (i % 10 == 0) all.emplace_back(street.frame(fromSeconds(t), truth.pose(), 1.0));
+  }
+  return all;
+}
+
+std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
+  std::uint64_t sum = 0;
+  for (const auto count : counts) sum += count;
+  return sum;
+}
+
+/// Everything that a SlamSystem told its listeners.
+struct Record {
+  std::vector<std::string> events; ///< "gyro <stamp>", "frame <stamp>", "reset"
+  std::vector<std::string> reasons;
+  std::vector<Output> outputs;
+
+  void listenTo(SlamSystem& system) {
+    system.onGyro([this](const Output& output) { add("gyro ", output); });
+    system.onFrame([this](const Output& output) { add("frame ", output); });
+    system.onReset([this](const std::string& reason) {
+      events.emplace_back("reset");
+      reasons.push_back(reason);
+    });
+  }
+
+ private:
+  void add(const std::string& kind, const Output& output) {
+    events.push_back(kind + std::to_string(output.state.stamp));
+    outputs.push_back(output);
+  }
+};
+
+void expectSame(const Record& a, const Record& b) {
+  ASSERT_EQ(a.events, b.events);
+  for (std::size_t i = 0; i < a.outputs.size(); ++i) {
+    const Output &x = a.outputs[i], &y = b.outputs[i];
+    ASSERT_EQ(distance(x.state.world_T_imu.matrix(), y.state.world_T_imu.matrix()), 0.0) << a.events[i];
+    ASSERT_EQ(distance(x.state.pose_covariance, y.state.pose_covariance), 0.0) << a.events[i];
+    ASSERT_EQ(distance(x.odom_T_imu.matrix(), y.odom_T_imu.matrix()), 0.0) << a.events[i];
+    ASSERT_EQ(x.report.used, y.report.used) << a.events[i];
+  }
+}
+
+/// The record of the measurements given in this order.
+Record run(const std::vector<Measurement>& measurements) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  Record record;
+  record.listenTo(system);
+  system.setRig(exampleRig());
+  for (const auto& m : measurements) system.add(m);
+  system.flush();
+  EXPECT_EQ(total(system.counts().processed), measurements.size());
+  EXPECT_EQ(total(system.counts().late), 0U);
+  return record;
+}
+
+TEST(SlamSystem, OutOfOrderArrivalGivesIdenticalResults) {
+  const auto in_order = drive(100.0, 4.0);
+  const Record expected = run(in_order);
+  Random random(2);
+  for (int trial = 0; trial < 10; ++trial) {
+    // Each stream with its own delay below 90 ms, as long as it lasts and in its own order.
+    std::vector<std::pair<Stamp, std::size_t>> arrival;
+    std::array<Stamp, kStreamCount> last{};
+    for (std::size_t i = 0; i < in_order.size(); ++i) {
+      Stamp& stream_last = last[static_cast<std::size_t>(streamOf(in_order[i]))];
+      const auto latency = static_cast<Stamp>(random.uniform(0.0, 90e6));
+      stream_last = std::max(stream_last + 1, stampOf(in_order[i]) + latency);
+      arrival.emplace_back(stream_last, i);
+    }
+    std::sort(arrival.begin(), arrival.end());
+    std::vector<Measurement> shuffled;
+    for (const auto& [at, i] : arrival) shuffled.push_back(in_order[i]);
+    expectSame(run(shuffled), expected);
+  }
+}
+
+TEST(SlamSystem, HandlersAreCalledInTheOrderOfStampsOncePerMeasurement) {
+  const Record record = run(drive(100.0, 1.0));
+  std::vector<std::string> expected;
+  for (const auto& m : drive(100.0, 1.0)) {
+    if (streamOf(m) == Stream::kGyro) expected.push_back("gyro " + std::to_string(stampOf(m)));
+    if (streamOf(m) == Stream::kStereo) expected.push_back("frame " + std::to_string(stampOf(m)));
+  }
+  EXPECT_EQ(record.events, expected);
+}
+
+TEST(SlamSystem, OdomIsDeadReckoningAndTheStateIsTheEstimators) {
+  const auto measurements = drive(100.0, 2.0);
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  Record record;
+  record.listenTo(system);
+  system.setRig(exampleRig());
+  for (const auto& m : measurements) system.add(m);
+  system.flush();
+
+  DeadReckoning dead_reckoning;
+  const auto estimator = makeEstimator(makeConfig(PaperMode::kSlam));
+  estimator->setRig(exampleRig());
+  std::size_t i = 0;
+  for (const auto& m : measurements) {
+    std::visit([&](const auto& sample) { estimator->process(sample); }, m);
+    if (const auto* g = std::get_if<GyroSample>(&m)) dead_reckoning.process(*g);
+    if (const auto* v = std::get_if<VelocitySample>(&m)) dead_reckoning.process(*v);
+    dead_reckoning.advanceTo(stampOf(m));
+    if (streamOf(m) == Stream::kVelocity) continue;
+    ASSERT_LT(i, record.outputs.size());
+    const Output& output = record.outputs[i++];
+    EXPECT_EQ(distance(output.odom_T_imu.matrix(), dead_reckoning.pose().matrix()), 0.0);
+    EXPECT_EQ(distance(output.state.world_T_imu.matrix(), estimator->state().world_T_imu.matrix()), 0.0);
+  }
+  EXPECT_EQ(i, record.outputs.size());
+  EXPECT_GT(
+      distance(record.outputs.back().odom_T_imu.matrix(), record.outputs.back().state.world_T_imu.matrix()),
+      1e-4)
+      << "the camera never corrected anything";
+}
+
+TEST(SlamSystem, WaitsForTheRigAndThenProcessesWhatItHeld) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  for (const auto& m : drive(100.0, 1.9)) system.add(m);
+  EXPECT_EQ(total(system.counts().processed), 0U);
+  EXPECT_FALSE(system.hasRig());
+  system.setRig(exampleRig());
+  EXPECT_TRUE(system.hasRig());
+  EXPECT_GT(total(system.counts().processed), 300U - 40U);
+  system.flush();
+  EXPECT_EQ(total(system.counts().processed), drive(100.0, 1.9).size());
+  EXPECT_EQ(system.counts().frames_without_rig, 0U);
+  EXPECT_GT(system.counts().features_used, 0U);
+}
+
+TEST(SlamSystem, GoesOnWithoutTheRigAfterRigWait) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  double processed_at = 0.0;
+  for (const auto& m : drive(100.0, 3.0)) {
+    system.add(m);
+    if (processed_at == 0.0 && total(system.counts().processed) > 0) processed_at = toSeconds(stampOf(m));
+  }
+  EXPECT_NEAR(processed_at, 102.0, 0.02);
+  system.flush();
+  EXPECT_EQ(system.counts().frames_without_rig, 30U);
+  EXPECT_EQ(system.counts().features_used, 0U);
+  EXPECT_EQ(system.counts().features_invalid, system.counts().features);
+  EXPECT_GT(system.counts().features, 0U);
+}
+
+TEST(SlamSystem, DoesNotWaitForARigThatItsConfigurationDoesNotUse) {
+  SlamSystem system(makeConfig(PaperMode::kDeadReckoning));
+  for (const auto& m : drive(100.0, 0.5)) system.add(m);
+  EXPECT_GT(system.counts().processed[kGyro], 35U);
+}
+
+TEST(SlamSystem, ARigWaitOfZeroWaitsForNothing) {
+  Config config = makeConfig(PaperMode::kSlam);
+  config.rig_wait_s = 0.0;
+  SlamSystem system(config);
+  for (const auto& m : drive(100.0, 0.5)) system.add(m);
+  EXPECT_GT(system.counts().processed[kGyro], 35U);
+}
+
+TEST(SlamSystem, CountsLateAndDuplicateMeasurementsOfEachStream) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  system.setRig(exampleRig());
+  for (const auto& m : drive(100.0, 1.0)) system.add(m);
+  system.flush();
+  const auto processed = system.counts().processed;
+  EXPECT_EQ(processed[kGyro], 100U);
+  EXPECT_EQ(processed[kVelocity], 50U);
+  EXPECT_EQ(processed[kStereo], 10U);
+  system.add(gyro(100.5));                           // older than the last handed out
+  system.add(StereoFrame{fromSeconds(100.2), {}});   // likewise
+  system.add(StereoFrame{fromSeconds(100.205), {}}); // likewise
+  system.add(velocity(101.0));                       // held
+  system.add(velocity(101.0));                       // the same again
+  system.flush();
+  EXPECT_EQ(system.counts().late[kGyro], 1U);
+  EXPECT_EQ(system.counts().late[kVelocity], 0U);
+  EXPECT_EQ(system.counts().late[kStereo], 2U);
+  EXPECT_EQ(system.counts().duplicate[kGyro], 0U);
+  EXPECT_EQ(system.counts().duplicate[kVelocity], 1U);
+  EXPECT_EQ(system.counts().processed[kGyro], 100U);
+  EXPECT_EQ(system.counts().processed[kVelocity], 51U);
+  EXPECT_EQ(system.counts().processed[kStereo], 10U);
+  EXPECT_EQ(system.counts().resets, 0U);
+}
+
+TEST(SlamSystem, DropsAndCountsValuesThatAreNotFinite) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  system.setRig(exampleRig());
+  std::size_t n = 0;
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+                           -std::numeric_limits<double>::infinity()}) {
+    for (int i = 0; i < 3; ++i) {
+      GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
+      VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(n));
+      g.angular_velocity[i] = bad;
+      v.linear_velocity[i] = bad;
+      system.add(g);
+      system.add(v);
+      ++n;
+      EXPECT_EQ(system.counts().invalid[kGyro], n);
+      EXPECT_EQ(system.counts().invalid[kVelocity], n);
+    }
+  }
+  system.flush();
+  EXPECT_EQ(total(system.counts().processed), 0U);
+}
+
+TEST(SlamSystem, DropsAndCountsCovariancesThatAreNone) {
+  Eigen::Matrix3d indefinite = Eigen::Matrix3d::Identity(), asymmetric = indefinite, not_finite = indefinite;
+  indefinite(2, 2) = -1e-6;
+  asymmetric(0, 1) = 0.1;
+  not_finite(1, 2) = std::nan("");
+  const std::vector<Eigen::Matrix3d> bad{indefinite, asymmetric, not_finite, Eigen::Matrix3d::Zero()};
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  system.setRig(exampleRig());
+  for (std::size_t i = 0; i < bad.size(); ++i) {
+    GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(i));
+    VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(i));
+    g.covariance = bad[i];
+    v.covariance = bad[i];
+    system.add(g);
+    system.add(v);
+    EXPECT_EQ(system.counts().invalid[kGyro], i + 1);
+    EXPECT_EQ(system.counts().invalid[kVelocity], i + 1);
+  }
+  Eigen::Matrix3d good;
+  good << 2.0, 0.5, 0.1, 0.5, 1.0, 0.2, 0.1, 0.2, 3.0;
+  GyroSample g = gyro(100.5);
+  g.covariance = good * 1e-12; // small is no fault
+  system.add(g);
+  system.flush();
+  EXPECT_EQ(system.counts().invalid[kGyro], bad.size());
+  EXPECT_EQ(system.counts().processed[kGyro], 1U);
+}
+
+TEST(SlamSystem, AnInvalidMeasurementLeavesNoTrace) {
+  auto measurements = drive(100.0, 1.0);
+  const Record expected = run(measurements);
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  Record record;
+  record.listenTo(system);
+  system.setRig(exampleRig());
+  for (const auto& m : measurements) {
+    GyroSample bad = gyro(1e6); // from the far future, too
+    bad.angular_velocity.x() = std::nan("");
+    system.add(bad);
+    system.add(m);
+  }
+  system.flush();
+  EXPECT_EQ(system.counts().invalid[kGyro], measurements.size());
+  expectSame(record, expected);
+}
+
+TEST(SlamSystem, AJumpBackFlushesThenResetsThenStartsAnew) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  Record record;
+  record.listenTo(system);
+  system.setRig(exampleRig());
+  for (const auto& m : drive(100.0, 1.0)) system.add(m);
+  const std::size_t before = record.events.size();
+  ASSERT_LT(before, 110U) << "something has to be held for this test";
+  ASSERT_FALSE(system.estimator().landmarks().empty());
+
+  system.add(gyro(50.0));
+  ASSERT_EQ(record.events.size(), 111U);
+  EXPECT_EQ(record.events[109], "gyro 100990000000") << "what was held is told first";
+  EXPECT_EQ(record.events[110], "reset");
+  ASSERT_EQ(record.reasons.size(), 1U);
+  EXPECT_NE(record.reasons[0].find("time jumped back by 50.99"), std::string::npos) << record.reasons[0];
+  EXPECT_EQ(system.counts().resets, 1U);
+  EXPECT_TRUE(system.hasRig()) << "the calibration stays";
+  EXPECT_TRUE(system.estimator().landmarks().empty());
+  EXPECT_EQ(distance(system.estimator().state().world_T_imu.matrix(), Eigen::Matrix4d::Identity()), 0.0);
+  EXPECT_EQ(total(system.counts().processed), 160U) << "the counts stay";
+
+  system.flush();
+  EXPECT_EQ(record.events.back(), "gyro 50000000000")
+      << "the measurement that jumped is the first of the new start";
+}
+
+TEST(SlamSystem, AfterAResetEverythingIsAsAtTheFirstStart) {
+  const auto measurements = drive(100.0, 2.0);
+  const Record expected = run(measurements);
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  system.setRig(exampleRig());
+  for (const auto& m : drive(500.0, 2.0)) system.add(m);
+  Record record;
+  system.reset("asked to");
+  record.listenTo(system);
+  for (const auto& m : measurements) system.add(m);
+  system.flush();
+  expectSame(record, expected);
+}
+
+TEST(SlamSystem, ResetTellsItsReason) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  Record record;
+  record.listenTo(system);
+  system.reset("asked to");
+  EXPECT_EQ(record.reasons, std::vector<std::string>{"asked to"});
+  EXPECT_EQ(system.counts().resets, 1U);
+}
+
+TEST(SlamSystem, FlushProcessesAllThatIsHeldAndNothingTwice) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  for (const auto& m : drive(100.0, 1.0)) system.add(m);
+  EXPECT_EQ(total(system.counts().processed), 0U);
+  system.flush();
+  EXPECT_EQ(total(system.counts().processed), 160U);
+  system.flush();
+  EXPECT_EQ(total(system.counts().processed), 160U);
+}
+
+TEST(SlamSystem, WorksWithoutListeners) {
+  SlamSystem system(makeConfig(PaperMode::kMapping));
+  system.setRig(exampleRig());
+  for (const auto& m : drive(100.0, 1.0)) system.add(m);
+  system.add(gyro(1.0));
+  system.flush();
+  EXPECT_EQ(system.counts().resets, 1U);
+  EXPECT_EQ(total(system.counts().processed), 161U);
+}
+
+TEST(SlamSystem, FeatureCountsAreTheSumsOfTheReports) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  std::size_t features = 0, used = 0, invalid = 0, rejected = 0;
+  system.onFrame([&](const Output& output) {
+    features += output.report.features;
+    used += output.report.used;
+    invalid += output.report.invalid;
+    rejected += output.report.rejected;
+  });
+  system.setRig(exampleRig());
+  auto measurements = drive(100.0, 2.0);
+  for (auto& m : measurements) {
+    auto* frame = std::get_if<StereoFrame>(&m);
+    if (frame != nullptr) frame->features.push_back({1000, StereoPixels::Constant(-1.0)});
+    system.add(m);
+  }
+  system.flush();
+  EXPECT_EQ(system.counts().features, features);
+  EXPECT_EQ(system.counts().features_used, used);
+  EXPECT_EQ(system.counts().features_invalid, invalid);
+  EXPECT_EQ(system.counts().features_rejected, rejected);
+  EXPECT_GE(invalid, 20U);
+  EXPECT_GT(used, 50U);
+}
+
+} // namespace
+} // namespace vi_ekf_slam
