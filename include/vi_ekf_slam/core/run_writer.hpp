@@ -45,7 +45,8 @@ class RunWriter {
   /// s of sensor time from the first to the last record.
   double sensorSeconds() const;
 
-  /// Creates `directory` and its parents; the writing functions do so too, but a long run wants to know early.
+  /// Creates `directory` and its parents; the writing functions do so too, but a long run wants to know
+  /// early.
   static void makeDirectory(const std::string& directory);
   void writeTrajectory(const std::string& directory) const;
   void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) const;
