@@ -255,6 +255,14 @@ TEST(MeasurementBuffer, ClearForgetsEverything) {
   EXPECT_FALSE(buffer.pop()) << "the other streams have not spoken since the clear";
 }
 
+TEST(MeasurementBuffer, AfterAClearTheOtherStreamsAreWaitedForAtLaterStampsToo) {
+  MeasurementBuffer buffer(options());
+  buffer.add(make(Stream::kGyro, 10 * kMs));
+  buffer.clear();
+  buffer.add(make(Stream::kGyro, 9000 * kMs));
+  EXPECT_FALSE(buffer.pop());
+}
+
 TEST(MeasurementBuffer, AnEmptyBufferHasNothingToPop) {
   MeasurementBuffer buffer(options());
   EXPECT_FALSE(buffer.pop());

@@ -197,6 +197,18 @@ TEST(SlamSystem, GoesOnWithoutTheRigAfterRigWait) {
   EXPECT_GT(system.counts().features, 0U);
 }
 
+TEST(SlamSystem, WaitsForTheRigAgainAfterAJumpBackAndNoLongerThanAtTheStart) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  for (const auto& m : drive(100.0, 1.0)) system.add(m);
+  double processed_at = 0.0;
+  for (const auto& m : drive(50.0, 3.0)) {
+    system.add(m); // the first of them flushes the 160 from before the jump
+    if (processed_at == 0.0 && total(system.counts().processed) > 160) processed_at = toSeconds(stampOf(m));
+  }
+  EXPECT_EQ(system.counts().resets, 1U);
+  EXPECT_NEAR(processed_at, 52.0, 0.02);
+}
+
 TEST(SlamSystem, DoesNotWaitForARigThatItsConfigurationDoesNotUse) {
   SlamSystem system(makeConfig(PaperMode::kDeadReckoning));
   for (const auto& m : drive(100.0, 0.5)) system.add(m);
