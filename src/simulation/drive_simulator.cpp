@@ -24,6 +24,12 @@ std::unique_ptr<Scene> makeScene(const DriveOptions& options, const View& view) 
   return std::make_unique<OpenScene>(options, view);
 }
 
+/// Of a sample; nothing when it is exact, since a covariance must be positive definite.
+std::optional<Eigen::Matrix3d> covarianceOf(double sigma) {
+  if (sigma == 0.0) return std::nullopt;
+  return Eigen::Matrix3d(sigma * sigma * Eigen::Matrix3d::Identity());
+}
+
 double lapDistance(const DriveOptions& options) {
   return options.laps * BlockPath(options.block_length, options.block_width).perimeter();
 }
@@ -87,8 +93,8 @@ std::optional<DriveStep> DriveSimulator::next() {
     const Eigen::Vector3d gyro = twist.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
     const Eigen::Vector3d velocity =
         twist.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
-    step.gyro.push_back({stamp, gyro, std::nullopt});
-    step.velocity.push_back({stamp, velocity, std::nullopt});
+    step.gyro.push_back({stamp, gyro, covarianceOf(options_.gyro_sigma)});
+    step.velocity.push_back({stamp, velocity, covarianceOf(options_.velocity_sigma)});
   }
   return step;
 }

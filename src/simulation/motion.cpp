@@ -60,12 +60,18 @@ ProcessMotion::ProcessMotion(const DriveOptions& options)
 }
 
 Vector6d ProcessMotion::step(double dt) {
-  const Vector6d twist = twist_;
-  world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * twist)).normalized();
-  distance_ += twist.head<3>().norm() * dt;
-  const double keep = decay_ > 0.0 ? std::exp(-dt / decay_) : 1.0;
-  twist_ = nominal_ + keep * (twist_ - nominal_);
-  for (int i = 0; i < 6; ++i) twist_[i] += noise_[i] * std::sqrt(dt) * random_.normal();
+  const Vector6d twist = twist_, deviation = twist_ - nominal_;
+  Vector6d change, mean_change; // w2 and w1
+  for (int i = 0; i < 6; ++i) {
+    change[i] = noise_[i] * std::sqrt(dt) * random_.normal();
+    mean_change[i] = 0.5 * change[i] + noise_[i] * std::sqrt(dt / 12.0) * random_.normal();
+  }
+  const double lost = decay_ > 0.0 ? -std::expm1(-dt / decay_) : 0.0; // of the deviation, by the step's end
+  const double mean_kept = decay_ > 0.0 ? lost * decay_ / dt : 1.0;
+  const Vector6d mean_twist = nominal_ + mean_kept * deviation + mean_change;
+  world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * mean_twist)).normalized();
+  distance_ += mean_twist.head<3>().norm() * dt;
+  twist_ = nominal_ + (1.0 - lost) * deviation + change;
   return twist;
 }
 

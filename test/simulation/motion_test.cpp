@@ -40,7 +40,7 @@ TEST(Motion, FirstPoseIsTheIdentity) {
   EXPECT_EQ(distance(DriveSimulator(options).next()->world_T_imu, SE3()), 0.0);
 }
 
-TEST(Motion, NoiseFreeSamplesDeadReckonToTheTruth) {
+TEST(Motion, NoiseFreeSamplesDeadReckonToTheCarsTruth) {
   DriveOptions options = noiseFree();
   options.standing_start = 2.0;
   options.corner_stop = 1.0;
@@ -48,8 +48,45 @@ TEST(Motion, NoiseFreeSamplesDeadReckonToTheTruth) {
   options.duration = 30.0;
   options.imu_rate = 100.0;
   EXPECT_LT(deadReckoningError(options), 1e-9);
+}
+
+// Held samples miss what the twist does within a step: the position by sums of q sqrt(dt^3 / 3) a step.
+TEST(Motion, ProcessModelMovesWithinItsSteps) {
+  DriveOptions options = noiseFree();
   options.motion = MotionModel::kProcessModel;
+  options.duration = 30.0;
+  const double coarse = deadReckoningError(options);
+  EXPECT_GT(coarse, 0.01);
+  options.noise_forward = options.noise_lateral = options.noise_vertical = options.noise_rotation = 0.0;
   EXPECT_LT(deadReckoningError(options), 1e-9);
+}
+
+/// Covariance of (position along x - speed t, speed gained) after 1 s of pure acceleration noise along x,
+/// drawn in `steps` steps.
+Eigen::Matrix2d lawOfOneSecond(int steps) {
+  DriveOptions options;
+  options.motion = MotionModel::kProcessModel;
+  options.noise_lateral = options.noise_vertical = options.noise_rotation = 0.0;
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  constexpr int kDraws = 20000;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    options.seed = static_cast<std::uint64_t>(draw);
+    ProcessMotion motion(options);
+    for (int i = 0; i < steps; ++i) motion.step(1.0 / steps);
+    const double x = motion.world_T_imu().translation().x();
+    const Eigen::Vector2d d(x - options.speed, motion.step(1.0)[0] - options.speed);
+    sum += d * d.transpose() / kDraws;
+  }
+  return sum / (options.noise_forward * options.noise_forward);
+}
+
+TEST(Motion, ProcessModelHasTheLawOfIntegratedWhiteNoiseWhateverTheStep) {
+  Eigen::Matrix2d expected; // integral of (1 - s, 1)^T (1 - s, 1)
+  expected << 1.0 / 3.0, 0.5, 0.5, 1.0;
+  for (const int steps : {1, 2, 10}) {
+    // Largest standard deviation of an entry's mean: sqrt(2 / 20000) = 0.01.
+    EXPECT_LT((lawOfOneSecond(steps) - expected).cwiseAbs().maxCoeff(), 0.04) << steps;
+  }
 }
 
 TEST(Motion, TwoLapsReturnToTheStart) {
@@ -146,6 +183,19 @@ TEST(Samples, NoiseAndBiasAreThoseOfTheOptions) {
     EXPECT_NEAR(sum[i] / n, bias[i], 4.0 * sigma / std::sqrt(n)) << i;
     EXPECT_NEAR(squares[i] / n, sigma * sigma, 4.0 * sigma * sigma * std::sqrt(2.0 / n)) << i;
   }
+}
+
+TEST(Samples, CarryTheCovarianceOfTheirNoise) {
+  DriveOptions options;
+  options.duration = 1.0;
+  options.velocity_sigma = 0.25;
+  options.gyro_sigma = 0.0;
+  const DriveStep step = *DriveSimulator(options).next();
+  ASSERT_TRUE(step.velocity.front().covariance.has_value());
+  EXPECT_EQ(*step.velocity.front().covariance, 0.0625 * Eigen::Matrix3d::Identity());
+  EXPECT_FALSE(step.gyro.front().covariance.has_value());
+  options.gyro_sigma = 0.5;
+  EXPECT_EQ(*DriveSimulator(options).next()->gyro.front().covariance, 0.25 * Eigen::Matrix3d::Identity());
 }
 
 TEST(Samples, GyroBiasesFillTheirRangeWithEitherSign) {

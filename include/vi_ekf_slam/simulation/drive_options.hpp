@@ -9,7 +9,7 @@ namespace vi_ekf_slam::simulation {
 
 enum class MotionModel {
   kCarDrive,     ///< a car round a rectangular block, lap after lap
-  kProcessModel, ///< the twist is a random walk: an exact draw from a constant-velocity prior
+  kProcessModel, ///< white noise on the twist's derivative: an exact draw from a constant-velocity prior
 };
 
 /// What to simulate. The defaults resemble the real drives: 10 Hz, a noisy twist, stale frames, other cars.

@@ -18,15 +18,15 @@ namespace vi_ekf_slam::simulation {
 /// The true motion behind one pair of IMU samples.
 struct TrueTwist {
   Stamp stamp = 0;
-  Vector6d twist =
-      Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, from `stamp` until the next sample
+  Vector6d twist = Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, at `stamp`
 };
 
 /// One frame and the samples from its stamp (included) to the next frame's (excluded).
 ///
-/// Sample j is nu_j + bias + noise, where the true twist nu_j is held from t_j to t_{j+1}:
-/// T_{j+1} = T_j Exp((t_{j+1} - t_j) nu_j). Noise-free samples therefore dead-reckon to the true poses
-/// exactly, when each is held until the next.
+/// Sample j is nu_j + bias + noise with the covariance of the noise attached (none where the noise is 0).
+/// nu_j is the true twist at t_j. The car holds it until the next sample: T_{j+1} = T_j Exp((t_{j+1} - t_j)
+/// nu_j), so noise-free samples dead-reckon to the car's true poses exactly, when each is held until the
+/// next. In the process model the twist goes on changing within the step (see ProcessMotion).
 struct DriveStep {
   std::size_t index = 0;
   Stamp stamp = 0;

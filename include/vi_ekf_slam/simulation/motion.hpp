@@ -7,13 +7,13 @@
 
 namespace vi_ekf_slam::simulation {
 
-/// How the vehicle moves. The true twist is piecewise constant: T_{k+1} = T_k Exp(dt nu_k), exactly.
+/// How the vehicle moves.
 class Motion {
  public:
   virtual ~Motion() = default;
 
-  /// Moves on by `dt` s. Returns nu_k = (v in m/s, omega in rad/s) in the IMU frame, held throughout the
-  /// step.
+  /// Moves on by `dt` s. Returns the twist nu_k = (v in m/s, omega in rad/s) in the IMU frame that an IMU
+  /// measures at the step's beginning.
   virtual Vector6d step(double dt) = 0;
   /// m travelled so far.
   virtual double distance() const = 0;
@@ -25,7 +25,8 @@ class Motion {
   SE3 world_T_imu_;
 };
 
-/// Laps round a block: the poses are those of the path, nu_k = Log(T_k^-1 T_{k+1}) / dt.
+/// Laps round a block: the poses are those of the path, nu_k = Log(T_k^-1 T_{k+1}) / dt is held throughout
+/// the step.
 class CarMotion : public Motion {
  public:
   explicit CarMotion(const DriveOptions& options);
@@ -45,8 +46,15 @@ class CarMotion : public Motion {
   double stop_station_;
 };
 
-/// The twist is a random walk from (speed, 0, 0, 0, 0, 0): nu_{k+1} = nu_k + n, n ~ N(0, dt Q). With
-/// twist_decay tau it returns to its first value n: nu_{k+1} = n + exp(-dt / tau) (nu_k - n) + noise.
+/// White noise of spectral density Q on the twist's derivative, from the twist (speed, 0, 0, 0, 0, 0):
+///
+///   nu_{k+1} = nu_k + w2,   T_{k+1} = T_k Exp(dt (nu_k + w1)),   w2 ~ N(0, Q dt),   w1 = w2 / 2 + N(0, Q dt
+///   / 12).
+///
+/// w1 is the mean over the step of what the walk adds to nu_k: cov(w1) = Q dt / 3, cov(w1, w2) = Q dt / 2, so
+/// that the motion has the same law whatever the step (the turn within one step taken as small). nu_k is the
+/// instantaneous twist at t_k. With twist_decay tau the twist returns to its first value n: nu_{k+1} = n +
+/// exp(-dt / tau) (nu_k - n) + w2, and the noise is right to first order in dt / tau.
 class ProcessMotion : public Motion {
  public:
   explicit ProcessMotion(const DriveOptions& options);
