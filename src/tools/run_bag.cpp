@@ -1,12 +1,11 @@
 /// Offline runner: a bag in, files out. See kRunBagHelp.
-#include <unistd.h>
-
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <iostream>
 
 #include "bag_input.hpp"
+#include "progress.hpp"
 #include "run_bag_options.hpp"
 #include "vi_ekf_slam/core/run_writer.hpp"
 
@@ -18,26 +17,6 @@ constexpr int kUsage = 1;
 constexpr int kInput = 2;
 
 volatile std::sig_atomic_t g_stop = 0;
-
-/// A bar on a terminal; nothing elsewhere, so that logs stay readable.
-class Progress {
- public:
-  explicit Progress(bool wanted) : visible_(wanted && isatty(STDERR_FILENO) != 0) {}
-  void show(double share) {
-    const int percent = static_cast<int>(100.0 * share);
-    if (!visible_ || percent == percent_) return;
-    percent_ = percent;
-    const std::string bar(static_cast<std::size_t>(percent / 2), '#');
-    std::fprintf(stderr, "\r[%-50s] %3d%%", bar.c_str(), percent);
-  }
-  void finish() const {
-    if (visible_ && percent_ >= 0) std::fputc('\n', stderr);
-  }
-
- private:
-  bool visible_;
-  int percent_ = -1;
-};
 
 /// What went wrong with the input as a whole, if anything.
 std::string inputProblem(const SlamSystem& system, const Intake& intake, const RunWriter& writer) {

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/simulation/consistency.hpp"
+#include "vi_ekf_slam/simulation/drive_options.hpp"
+
+namespace vi_ekf_slam::simulation {
+
+/// What became of one frame, against the truth.
+struct FrameErrors {
+  double time = 0.0; ///< s since the first frame
+  PoseNees nees;
+  double position = 0.0;       ///< m, distance between estimate and truth, without any alignment
+  double dead_reckoning = 0.0; ///< m, the same for dead reckoning
+  double yaw_sigma = 0.0;      ///< rad, published standard deviation of the global yaw
+  double nis = 0.0;
+  std::size_t nis_dof = 0;
+};
+
+/// One drive through the estimator.
+struct SeedResult {
+  std::uint64_t seed = 0;
+  std::vector<FrameErrors> frames;
+  double yaw_fall = 0.0;           ///< largest relative fall of the global yaw variance before an id returned
+  std::size_t frames_rejected = 0; ///< as a whole
+  std::size_t features = 0, features_used = 0;
+};
+
+/// Shares of the drive at which the NEES is judged.
+constexpr std::array<double, 4> kCheckPoints = {0.25, 0.5, 0.75, 1.0};
+/// Frame of a drive of `frames` frames that is the check point.
+std::size_t checkPointFrame(double share, std::size_t frames);
+
+/// How a Monte Carlo study moves unless told otherwise. kCarDrive: the simulator's defaults (two laps with
+/// wrong matches, other cars and stale frames). kProcessModel: 100 s with white noise alone, a sensor for
+/// which a filter's model can be exactly right: normal gyro biases of 0.01 rad/s, no wrong matches, no other
+/// cars, no stale frames.
+DriveOptions studyOptions(MotionModel motion);
+
+/// Simulates a drive and takes it through the estimator of `config`, measurements in the order of SlamSystem
+/// (gyro, velocity, frame). Tracks that a stale frame breaks get a new id there, as dataset_to_bag.py gives
+/// them one.
+SeedResult runSeed(const Config& config, const DriveOptions& options);
+
+/// runSeed for seeds first, first + 1, ... The result depends neither on `jobs` (threads) nor on timing.
+/// `progress` is called with the number of seeds done, from any thread but one at a time. The first exception
+/// of a seed comes out.
+std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& options, std::uint64_t first,
+                                 std::size_t count, unsigned jobs,
+                                 const std::function<void(std::size_t)>& progress = {});
+
+/// Means over the seeds at one frame.
+struct MeanErrors {
+  double time = 0.0;                                     ///< s
+  PoseNees nees;                                         ///< mean
+  double position_rmse = 0.0, dead_reckoning_rmse = 0.0; ///< m
+  double nis_per_dof = 0.0;
+};
+
+/// By frame, as far as the shortest drive goes.
+std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results);
+
+/// RMS over the frames of `member` of FrameErrors, m.
+double rmse(const SeedResult& result, double FrameErrors::*member);
+/// Sum of NIS over sum of its degrees of freedom; not a number when there are none.
+double nisPerDof(const SeedResult& result);
+
+} // namespace vi_ekf_slam::simulation

@@ -1,0 +1,181 @@
+#include "vi_ekf_slam/simulation/monte_carlo.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+/// Gives a new id to what an id goes astray to at a stale frame.
+class StaleRepair {
+ public:
+  void repair(DriveStep& step) {
+    for (std::size_t i = 0; i < step.frame.features.size(); ++i) {
+      FeatureId& id = step.frame.features[i].id;
+      const std::pair<FeatureId, std::uint64_t> track(id, step.truth[i].point);
+      if (step.truth[i].kind == ObservationKind::kStale) renewed_.emplace(track, next_++);
+      const auto renewed = renewed_.find(track);
+      if (renewed != renewed_.end()) id = renewed->second;
+    }
+  }
+
+ private:
+  std::map<std::pair<FeatureId, std::uint64_t>, FeatureId>
+      renewed_;                         ///< by id and the point that it strayed to
+  FeatureId next_ = FeatureId{1} << 40; ///< above any id of a drive
+};
+
+FrameErrors errorsOf(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
+                     const FrameReport& report) {
+  FrameErrors errors;
+  errors.time = time;
+  errors.nees = poseNees(truth, state);
+  errors.position = (state.world_T_imu.translation() - truth.translation()).norm();
+  errors.dead_reckoning = (dead_reckoning.translation() - truth.translation()).norm();
+  errors.yaw_sigma = std::sqrt(std::max(0.0, state.pose_covariance(5, 5)));
+  errors.nis = report.nis;
+  errors.nis_dof = report.nis_dof;
+  return errors;
+}
+
+} // namespace
+
+std::size_t checkPointFrame(double share, std::size_t frames) {
+  return static_cast<std::size_t>(std::lround(share * static_cast<double>(frames - 1)));
+}
+
+DriveOptions studyOptions(MotionModel motion) {
+  DriveOptions options;
+  options.motion = motion;
+  if (motion == MotionModel::kCarDrive) return options;
+  options.duration = 100.0;
+  options.gyro_bias_sigma = 0.01;
+  options.outlier_fraction = options.stale_fraction = 0.0;
+  options.moving_objects = 0;
+  return options;
+}
+
+SeedResult runSeed(const Config& config, const DriveOptions& options) {
+  DriveSimulator simulator(options);
+  const std::unique_ptr<Estimator> estimator = makeEstimator(config);
+  estimator->setRig(simulator.rig());
+  DeadReckoning dead_reckoning;
+  StaleRepair stale;
+  ReturnWatch returns;
+  YawVarianceWatch yaw;
+  SeedResult result;
+  result.seed = options.seed;
+  std::optional<Stamp> start;
+  while (std::optional<DriveStep> step = simulator.next()) {
+    stale.repair(*step);
+    if (!start) start = step->stamp;
+    for (const Measurement& measurement : measurementsOf(*step)) {
+      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+        estimator->process(*gyro);
+        dead_reckoning.process(*gyro);
+      } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
+        estimator->process(*velocity);
+        dead_reckoning.process(*velocity);
+      } else {
+        const FrameReport report = estimator->process(step->frame);
+        const StateEstimate state = estimator->state();
+        returns.add(step->frame);
+        if (!returns.returned()) yaw.add(state.pose_covariance);
+        result.frames_rejected += report.frame_rejected ? 1 : 0;
+        result.features += report.features;
+        result.features_used += report.used;
+        result.frames.push_back(errorsOf(secondsBetween(*start, step->stamp), step->world_T_imu, state,
+                                         dead_reckoning.pose(), report));
+      }
+    }
+  }
+  result.yaw_fall = yaw.largestFall();
+  return result;
+}
+
+std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& options, std::uint64_t first,
+                                 std::size_t count, unsigned jobs,
+                                 const std::function<void(std::size_t)>& progress) {
+  std::vector<SeedResult> results(count);
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> failed{false};
+  std::mutex mutex;
+  std::size_t done = 0;
+  std::exception_ptr failure;
+  const auto work = [&] {
+    try {
+      for (std::size_t i = next++; i < count && !failed; i = next++) {
+        DriveOptions of_seed = options;
+        of_seed.seed = first + i;
+        results[i] = runSeed(config, of_seed);
+        const std::lock_guard<std::mutex> lock(mutex);
+        ++done;
+        if (progress) progress(done);
+      }
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (!failure) failure = std::current_exception();
+      failed = true;
+    }
+  };
+  std::vector<std::thread> threads;
+  for (unsigned job = 1; job < jobs && job < count; ++job) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  if (failure) std::rethrow_exception(failure);
+  return results;
+}
+
+std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results) {
+  std::vector<MeanErrors> means;
+  if (results.empty()) return means;
+  std::size_t frames = results.front().frames.size();
+  for (const SeedResult& result : results) frames = std::min(frames, result.frames.size());
+  const double n = static_cast<double>(results.size());
+  for (std::size_t k = 0; k < frames; ++k) {
+    MeanErrors mean;
+    double nis = 0.0, dof = 0.0;
+    for (const SeedResult& result : results) {
+      const FrameErrors& errors = result.frames[k];
+      mean.time = errors.time;
+      mean.nees.pose += errors.nees.pose / n;
+      mean.nees.rotation += errors.nees.rotation / n;
+      mean.nees.position += errors.nees.position / n;
+      mean.position_rmse += errors.position * errors.position / n;
+      mean.dead_reckoning_rmse += errors.dead_reckoning * errors.dead_reckoning / n;
+      nis += errors.nis;
+      dof += static_cast<double>(errors.nis_dof);
+    }
+    mean.position_rmse = std::sqrt(mean.position_rmse);
+    mean.dead_reckoning_rmse = std::sqrt(mean.dead_reckoning_rmse);
+    mean.nis_per_dof = nis / dof; // not a number where nothing was used
+    means.push_back(mean);
+  }
+  return means;
+}
+
+double rmse(const SeedResult& result, double FrameErrors::*member) {
+  double sum = 0.0;
+  for (const FrameErrors& errors : result.frames) sum += errors.*member * errors.*member;
+  return std::sqrt(sum / static_cast<double>(result.frames.size()));
+}
+
+double nisPerDof(const SeedResult& result) {
+  double nis = 0.0, dof = 0.0;
+  for (const FrameErrors& errors : result.frames) {
+    nis += errors.nis;
+    dof += static_cast<double>(errors.nis_dof);
+  }
+  return nis / dof;
+}
+
+} // namespace vi_ekf_slam::simulation

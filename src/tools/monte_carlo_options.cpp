@@ -1,0 +1,130 @@
+#include "monte_carlo_options.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <thread>
+#include <vector>
+
+#include "vi_ekf_slam/simulation/monte_carlo.hpp"
+
+namespace vi_ekf_slam {
+
+const char* const kMonteCarloHelp =
+    R"(Usage: monte_carlo --config FILE.yaml --output DIR [options]
+
+Runs the configured estimator over simulated drives, one a seed, and tells whether its covariance can be believed:
+pose NEES at 25, 50, 75 and 100 % of the drive (error and covariance in right-invariant coordinates, 6 degrees of
+freedom), NIS per degree of freedom, whether the variance of the global yaw ever falls before a landmark is seen
+again, and position errors. Writes seeds.csv (a row a seed), check_points.csv (a row a seed and check point) and
+frames.csv (means over the seeds, a row a frame) into DIR, which is made if needed.
+
+  --config FILE        configuration, the same YAML file that the node takes
+  --output DIR         where the results go; files of the same names are replaced
+  --seeds N            number of drives                                          [50]
+  --first-seed N       seeds count up from here                                  [1]
+  --motion car         two laps round a block with wrong matches, other cars and stale frames (repaired), or
+  --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match   [car]
+  --set OPTION=VALUE   an option of the drive ('simulate_drive --help' lists them); may be given often
+  --jobs N             threads; results do not depend on it                      [2, or 1 on one core]
+  --check LOW,HIGH     exit with 3 when the mean pose NEES at a check point leaves these bounds
+  --plot               draw monte_carlo.png into DIR (plot_monte_carlo.py DIR does it afterwards)
+  --quiet              errors only
+  --help               this text
+
+Exit code: 0 it ran; 1 the command line, the configuration or the output is not usable; 3 see --check.
+)";
+
+namespace {
+
+std::uint64_t wholeNumber(const std::string& option, const std::string& text, std::uint64_t least,
+                          std::uint64_t most) {
+  const bool digits =
+      !text.empty() && text.size() < 19 && text.find_first_not_of("0123456789") == std::string::npos;
+  const std::uint64_t value = digits ? std::strtoull(text.c_str(), nullptr, 10) : 0;
+  if (!digits || value < least || value > most)
+    throw MonteCarloUsageError(option + " is '" + text + "', allowed: a whole number from " +
+                               std::to_string(least) + " to " + std::to_string(most));
+  return value;
+}
+
+std::pair<double, double> bounds(const std::string& text) {
+  char* end = nullptr;
+  const double low = std::strtod(text.c_str(), &end);
+  const bool comma = end != text.c_str() && *end == ',';
+  const char* second = comma ? end + 1 : end;
+  const double high = comma ? std::strtod(second, &end) : 0.0;
+  if (!comma || end == second || *end != '\0' || !(low <= high))
+    throw MonteCarloUsageError("--check is '" + text + "', allowed: LOW,HIGH with LOW at most HIGH");
+  return {low, high};
+}
+
+void set(simulation::DriveOptions& drive, const std::string& assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string::npos)
+    throw MonteCarloUsageError("--set is '" + assignment + "', allowed: OPTION=VALUE");
+  const std::string name = assignment.substr(0, equals);
+  if (name == "seed" || name == "motion")
+    throw MonteCarloUsageError("--set " + name + ": it has an option of its own");
+  setDriveOption(drive, name, assignment.substr(equals + 1));
+}
+
+} // namespace
+
+MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
+  MonteCarloOptions options;
+  options.jobs = std::clamp(std::thread::hardware_concurrency(), 1u, 2u);
+  std::string motion = "car";
+  std::vector<std::string> assignments;
+  const auto take = [&](const std::string& name, const std::string& value) {
+    if (name == "--config")
+      options.config = value;
+    else if (name == "--output")
+      options.output = value;
+    else if (name == "--seeds")
+      options.seeds = wholeNumber(name, value, 1, 1000000);
+    else if (name == "--first-seed")
+      options.first_seed = wholeNumber(name, value, 0, 1000000000000);
+    else if (name == "--jobs")
+      options.jobs = static_cast<unsigned>(wholeNumber(name, value, 1, 1000));
+    else if (name == "--check")
+      options.check = bounds(value);
+    else if (name == "--motion")
+      motion = value;
+    else if (name == "--set")
+      assignments.push_back(value);
+    else
+      throw MonteCarloUsageError("unknown option " + name);
+  };
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const std::size_t equals = argument.find('=');
+    if (argument == "--help" || argument == "-h") {
+      options.help = true;
+    } else if (argument == "--plot") {
+      options.plot = true;
+    } else if (argument == "--quiet") {
+      options.quiet = true;
+    } else if (equals != std::string::npos) {
+      take(argument.substr(0, equals), argument.substr(equals + 1));
+    } else {
+      const std::string value = i + 1 < argc ? argv[i + 1] : "";
+      take(argument, value);
+      if (++i == argc) throw MonteCarloUsageError(argument + " needs a value");
+    }
+  }
+  if (options.help) return options;
+  if (options.config.empty()) throw MonteCarloUsageError("--config is missing");
+  if (options.output.empty()) throw MonteCarloUsageError("--output is missing");
+  try {
+    simulation::DriveOptions parsed;
+    setDriveOption(parsed, "motion", motion);
+    options.drive = simulation::studyOptions(parsed.motion);
+    for (const std::string& assignment : assignments) set(options.drive, assignment);
+    checkDriveOptions(options.drive);
+  } catch (const std::invalid_argument& e) {
+    throw MonteCarloUsageError(e.what());
+  }
+  return options;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "vi_ekf_slam/simulation/drive_options.hpp"
+
+namespace vi_ekf_slam {
+
+/// A Monte Carlo command line that cannot be followed; what() says why.
+class MonteCarloUsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct MonteCarloOptions {
+  std::string config;
+  std::string output;
+  std::size_t seeds = 50;
+  std::uint64_t first_seed = 1;
+  unsigned jobs = 1;
+  simulation::DriveOptions drive;
+  std::optional<std::pair<double, double>> check; ///< bounds of the mean pose NEES
+  bool plot = false;
+  bool quiet = false;
+  bool help = false;
+};
+
+/// Throws MonteCarloUsageError.
+MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv);
+
+extern const char* const kMonteCarloHelp;
+
+} // namespace vi_ekf_slam
