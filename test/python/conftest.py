@@ -39,6 +39,12 @@ def script_path(name):
     return os.path.join(ROOT, "scripts", name)
 
 
+def program(name):
+    """Path of a program of the package in the workspace that is sourced."""
+    from roslib.packages import find_node
+    return find_node("vi_ekf_slam", name)[0]  # unlike rosrun it does look below the package's own build folder
+
+
 # Optical axes (x right, y down, z forward) seen from the IMU's (x forward, y left, z up).
 CAM_R_IMU = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 CAMERA_IN_IMU = np.array([1.1, -0.3, 0.7])  # m

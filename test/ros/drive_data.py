@@ -5,6 +5,7 @@ import math
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped, TwistWithCovarianceStamped
+from roslib.packages import find_node
 from sensor_msgs.msg import CameraInfo, Imu
 from tf2_msgs.msg import TFMessage
 
@@ -16,6 +17,11 @@ SPEED_ERROR = 0.1  # m/s that the measured speed is wrong by, so that a correcti
 FX, CX, CY, BASELINE = 500.0, 320.0, 240.0, 0.5
 CAMERA_IN_IMU = (0.4, 0.2, 0.1)  # m; the camera looks along x
 IMU, LEFT, RIGHT = "imu_link", "left_camera_optical", "right_camera_optical"
+
+
+def program(name):
+    """Path of a program of the package in the workspace that is sourced."""
+    return find_node("vi_ekf_slam", name)[0]  # unlike rosrun it does look below the package's own build folder
 
 
 def _header(message, stamp, frame):

@@ -186,7 +186,7 @@ class Live(unittest.TestCase):
         for key, value in (("paper/pixel_noise", -1.0), ("paper/pixel_nois", 1.0), ("ros/map_frame", "/map")):
             name = "bad_" + key.replace("/", "_")
             rospy.set_param("/%s/%s" % (name, key), value)
-            done = subprocess.run(["rosrun", "vi_ekf_slam", "slam_node", "__name:=" + name], check=False, timeout=20.0,
+            done = subprocess.run([drive_data.program("slam_node"), "__name:=" + name], check=False, timeout=20.0,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             log = done.stdout.decode()
             self.assertNotEqual(0, done.returncode, log)

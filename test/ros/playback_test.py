@@ -44,7 +44,7 @@ class Playback(unittest.TestCase):
     def run_bag(self):
         """Folder of run_bag's results."""
         output = os.path.join(self.folder, "run_bag")
-        subprocess.run(["rosrun", PACKAGE, "run_bag", self.bag, "--config", self.config, "--output", output],
+        subprocess.run([drive_data.program("run_bag"), self.bag, "--config", self.config, "--output", output],
                        check=True, timeout=LIMIT)
         return output
 

@@ -1,0 +1,49 @@
+"""The package as a whole: what catkin_lint says about it, and that its configurations are those that it documents."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+import yaml
+from conftest import ROOT
+
+
+def read(*path):
+    with open(os.path.join(ROOT, *path), encoding="utf-8") as stream:
+        return stream.read()
+
+
+@pytest.mark.skipif(shutil.which("catkin_lint") is None, reason="NOT RUN: catkin_lint is not installed")
+def test_catkin_lint_is_clean(tmp_path):
+    package = tmp_path / "vi_ekf_slam"  # a checkout may have any name, a package's folder may not
+    package.symlink_to(ROOT)
+    done = subprocess.run(["catkin_lint", "--strict", "-W2", "--offline", str(package)], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=120)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("name, struct, section", [
+    ("default", "include/vi_ekf_slam/ros/ros_config.hpp", "ros"),
+    ("default", "include/vi_ekf_slam/core/measurement_buffer.hpp", "buffer")])
+def test_the_default_configuration_states_the_defaults(name, struct, section):
+    """Every member of the structure is in the file, with the value that the structure gives it."""
+    written = yaml.safe_load(read("config", name + ".yaml"))[section]
+    members = dict(re.findall(r"^ +(?:std::string|std::size_t|bool|double) (\w+)\s*=\s*([^;]+);", read(struct), re.MULTILINE))
+    members.update((key, '""') for key in re.findall(r"^ +std::string (\w+);", read(struct), re.MULTILINE))
+    for key, value in members.items():
+        assert key in written, key
+        assert written[key] == yaml.safe_load(value), key
+    assert section != "ros" or set(written) == set(members)
+
+
+def test_every_python_file_compiles_with_the_oldest_supported_version():
+    """Ubuntu 20.04 has Python 3.8: syntax of later versions must not creep in."""
+    import ast
+    for folder in ("scripts", os.path.join("src", "vi_ekf_slam"), os.path.join("test", "python"), os.path.join("test", "ros")):
+        for name in os.listdir(os.path.join(ROOT, folder)):
+            if name.endswith(".py"):
+                ast.parse(read(folder, name), name, feature_version=(3, 8))
+    assert sys.version_info >= (3, 8)
