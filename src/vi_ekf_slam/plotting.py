@@ -7,6 +7,7 @@ matplotlib.use("Agg")  # files only; a machine without a display must do
 import numpy as np  # noqa: E402
 from matplotlib.colors import LogNorm  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: E402
 
 MARGIN = 0.12  # of the trajectories' larger extent, around them
 MIN_MARGIN = 10.0  # m
@@ -84,6 +85,9 @@ def _draw_landmarks(figure, axes, landmarks, deviations, limits):
                               cmap="viridis_r", norm=LogNorm(low, max(high, 1.01 * low)), zorder=2, rasterized=True)
         bar = figure.colorbar(points, ax=axes, shrink=0.8, pad=0.02, extend="both")
         bar.set_label("landmarks: horizontal standard deviation (m)")
+        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        bar.ax.yaxis.set_minor_formatter(NullFormatter())
     note = "%d landmarks" % len(landmarks)
     if outside:
         note += ", %d of them outside this view" % outside

@@ -52,7 +52,7 @@ def plot_run(options):
         dead = evaluate(run.dead_stamps, run.dead_poses, truth, cam_T_imu)
         print(describe("slam", slam))
         print(describe("dead reckoning", dead))
-        title += "\nATE %.2f m, dead reckoning %.2f m" % (slam.ate, dead.ate)
+        title += "\nATE %.2f m, dead reckoning %.2f m (aligned; drawn from a common start)" % (slam.ate, dead.ate)
         truth_line = anchor_truth(truth, run.stamps, run.poses)[:, :3, 3]
 
     from vi_ekf_slam import plotting  # matplotlib is slow to load; complain about inputs first
