@@ -1,0 +1,9 @@
+#!/usr/bin/env python3
+"""Draw what the program monte_carlo wrote; see --help."""
+
+import sys
+
+from vi_ekf_slam.monte_carlo_plotter import main
+
+if __name__ == "__main__":
+    sys.exit(main())
