@@ -24,18 +24,18 @@ EDITIONS = ("original", "modern")
 NANOSECONDS = 10**9
 
 
-def find_program():
-    """Path of simulate_drive in the workspace that is sourced."""
+def find_program(name=PROGRAM):
+    """Path of one of the package's programs in the workspace that is sourced."""
     try:
         from roslib.packages import ROSPkgException, find_node
     except ImportError as reason:
         raise InputError("%s; source the workspace's setup.bash" % reason)
     try:
-        paths = find_node("vi_ekf_slam", PROGRAM)
+        paths = find_node("vi_ekf_slam", name)
     except ROSPkgException:
         paths = []
     if not paths:
-        raise InputError("%s is not found; build the package and source the workspace's setup.bash" % PROGRAM)
+        raise InputError("%s is not found; build the package and source the workspace's setup.bash" % name)
     return paths[0]
 
 

@@ -1,0 +1,9 @@
+#!/usr/bin/env python3
+"""Convert a drive (.npz) to a bag with fewer features, gaps or traffic; see --help."""
+
+import sys
+
+from vi_ekf_slam.degraded_bag import main
+
+if __name__ == "__main__":
+    sys.exit(main())
