@@ -10,24 +10,35 @@ MeasurementBuffer::Verdict MeasurementBuffer::add(Measurement measurement) {
   const Stamp stamp = stampOf(measurement);
   const Stream stream = streamOf(measurement);
   if (newest_ && secondsBetween(stamp, *newest_) > options_.max_jump_back_s) return Verdict::kJumpBack;
-  auto& newest_of_stream = newest_of_stream_[static_cast<std::size_t>(stream)];
-  if (last_released_ && stamp < *last_released_) return Verdict::kLate;
-  const bool handed_out = last_released_ == stamp && newest_of_stream && *newest_of_stream >= stamp;
+  StreamClock& clock = clocks_[static_cast<std::size_t>(stream)];
+  if (last_released_ && stamp < *last_released_) {
+    clock.reach(stamp);
+    return Verdict::kLate;
+  }
+  const bool handed_out = last_released_ == stamp && clock.reached && *clock.reached >= stamp;
   if (handed_out || !pending_.try_emplace({stamp, stream}, std::move(measurement)).second) {
     return Verdict::kDuplicate;
   }
-  newest_of_stream = std::max(newest_of_stream.value_or(stamp), stamp);
+  clock.reach(stamp);
   newest_ = std::max(newest_.value_or(stamp), stamp);
   first_ = std::min(first_.value_or(stamp), stamp);
   return Verdict::kAccepted;
 }
 
+void MeasurementBuffer::StreamClock::reach(Stamp stamp) {
+  if (reached && stamp <= *reached) return;
+  if (reached) period_s = std::min(secondsBetween(*reached, stamp), kMaxPeriodS);
+  reached = stamp;
+}
+
 Stamp MeasurementBuffer::watermark() const {
   Stamp mark = *newest_;
-  for (const auto& newest_of_stream : newest_of_stream_) {
+  for (const StreamClock& clock : clocks_) {
     // A stream that never spoke is waited for as if it had spoken just before the first measurement.
-    const Stamp reached = newest_of_stream.value_or(*first_ - 1);
-    if (secondsBetween(reached, *newest_) <= options_.max_delay_s) mark = std::min(mark, reached);
+    const Stamp reached = clock.reached.value_or(*first_ - 1);
+    if (secondsBetween(reached, *newest_) <= options_.max_delay_s + clock.period_s) {
+      mark = std::min(mark, reached);
+    }
   }
   return mark;
 }
@@ -47,7 +58,7 @@ std::optional<Measurement> MeasurementBuffer::popRegardless() {
 
 void MeasurementBuffer::clear() {
   pending_.clear();
-  newest_of_stream_.fill(std::nullopt);
+  clocks_.fill({});
   newest_.reset();
   first_.reset();
   last_released_.reset();

@@ -47,15 +47,16 @@ struct Arrival {
   Key key;
 };
 
-/// Three streams over 3 s, each with its own rate and a random latency of at most `max_latency`; a stream
-/// keeps its own order, as a connection does.
-std::vector<Arrival> randomArrivals(Random& random, Stamp max_latency) {
+/// Three streams over 6 s, each with its own rate and a random latency of at most `max_latency`; a stream
+/// keeps its own order, as a connection does, and begins at any time of its first period.
+std::vector<Arrival> randomArrivals(Random& random, Stamp max_latency, Stamp stereo_period) {
   std::vector<Arrival> all;
   const std::vector<std::pair<Stream, Stamp>> periods{
-      {Stream::kGyro, 10 * kMs}, {Stream::kVelocity, 25 * kMs}, {Stream::kStereo, 100 * kMs}};
+      {Stream::kGyro, 10 * kMs}, {Stream::kVelocity, 25 * kMs}, {Stream::kStereo, stereo_period}};
   for (const auto& [stream, period] : periods) {
     Stamp last = 0;
-    for (Stamp stamp = 1000 * kMs; stamp < 4000 * kMs; stamp += period) {
+    const auto phase = static_cast<Stamp>(random.uniform(0.0, static_cast<double>(period)));
+    for (Stamp stamp = 1000 * kMs + phase; stamp < 7000 * kMs; stamp += period) {
       const auto latency = static_cast<Stamp>(random.uniform(0.0, static_cast<double>(max_latency)));
       last = std::max(last + 1, stamp + latency);
       all.push_back({last, {stamp, stream}});
@@ -68,16 +69,18 @@ std::vector<Arrival> randomArrivals(Random& random, Stamp max_latency) {
 TEST(MeasurementBuffer, OutputDependsOnStampsAloneWhateverTheOrderOfArrival) {
   Random random(1);
   for (int trial = 0; trial < 100; ++trial) {
-    // A period of 100 ms and a latency below 90 ms: no stream ever lags by max_delay.
-    const auto arrivals = randomArrivals(random, 90 * kMs);
+    // A latency up to max_delay with periods from well below to the longest that is waited for.
+    const Stamp period = std::vector<Stamp>{50, 100, 200, 500, 1000}[static_cast<std::size_t>(trial % 5)];
+    const auto arrivals = randomArrivals(random, 200 * kMs - 1000, period * kMs);
     MeasurementBuffer buffer(options());
     std::vector<Key> expected, released;
     for (const auto& arrival : arrivals) {
       expected.push_back(arrival.key);
-      ASSERT_EQ(buffer.add(make(arrival.key.second, arrival.key.first)), Verdict::kAccepted);
+      ASSERT_EQ(buffer.add(make(arrival.key.second, arrival.key.first)), Verdict::kAccepted)
+          << "trial " << trial;
       popInto(buffer, released);
     }
-    EXPECT_GT(released.size(), expected.size() * 9 / 10);
+    EXPECT_GT(released.size(), expected.size() * 7 / 10);
     popAllInto(buffer, released);
     std::sort(expected.begin(), expected.end());
     ASSERT_EQ(released, expected) << "trial " << trial;
@@ -113,7 +116,22 @@ TEST(MeasurementBuffer, NothingIsDueBeforeEveryLiveStreamHasDeliveredUpToIt) {
                 {9 * kMs, Stream::kStereo}, {10 * kMs, Stream::kGyro}, {10 * kMs, Stream::kVelocity}}));
 }
 
-TEST(MeasurementBuffer, AStreamThatStopsDelaysTheOthersByAtMostMaxDelayAndOnlyOnce) {
+TEST(MeasurementBuffer, ASlowStreamLosesNothing) {
+  // Of frames that come 20 ms after their stamps every 200 ms, the last one is up to 220 ms old.
+  MeasurementBuffer buffer(options());
+  std::vector<Key> released;
+  for (Stamp t = 0; t <= 5000 * kMs; t += 10 * kMs) {
+    if (t % (200 * kMs) == 20 * kMs) {
+      EXPECT_EQ(buffer.add(make(Stream::kStereo, t - 20 * kMs)), Verdict::kAccepted) << t;
+    }
+    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kVelocity, t));
+    popInto(buffer, released);
+  }
+  EXPECT_TRUE(std::is_sorted(released.begin(), released.end()));
+}
+
+TEST(MeasurementBuffer, AStreamThatStopsDelaysTheOthersByAtMostMaxDelayPlusItsPeriodAndOnlyOnce) {
   MeasurementBuffer buffer(options());
   std::vector<Key> released;
   Stamp longest_held = 0;
@@ -124,21 +142,35 @@ TEST(MeasurementBuffer, AStreamThatStopsDelaysTheOthersByAtMostMaxDelayAndOnlyOn
     popInto(buffer, released);
     const Stamp held = buffer.empty() ? 0 : t - buffer.oldest();
     longest_held = std::max(longest_held, held);
-    EXPECT_LE(held, 200 * kMs) << t;
-    if (t > 1210 * kMs) {
+    EXPECT_LE(held, 300 * kMs) << t;
+    if (t > 1300 * kMs) {
       EXPECT_TRUE(buffer.empty()) << "still waiting for the dead stream at " << t;
     }
   }
-  EXPECT_GT(longest_held, 150 * kMs) << "the test never made anybody wait";
+  EXPECT_GT(longest_held, 250 * kMs) << "the test never made anybody wait";
 }
 
-TEST(MeasurementBuffer, AStreamThatNeverSpeaksDelaysTheStartByAtMostMaxDelay) {
+TEST(MeasurementBuffer, AGapOfAStreamIsNotTakenForItsPeriodBeyondTheLongestOne) {
   MeasurementBuffer buffer(options());
   std::vector<Key> released;
-  for (Stamp t = 0; t <= 400 * kMs; t += 10 * kMs) {
+  for (Stamp t = 0; t <= 60000 * kMs; t += 10 * kMs) {
+    if (t == 0 || t == 30000 * kMs) buffer.add(make(Stream::kStereo, t)); // 30 s apart, then it stops
+    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kVelocity, t));
+    popInto(buffer, released);
+    if (t > 31200 * kMs) {
+      EXPECT_TRUE(buffer.empty()) << "still waiting for the dead stream at " << t;
+    }
+  }
+}
+
+TEST(MeasurementBuffer, AStreamThatNeverSpeaksDelaysTheStartByAtMostMaxDelayPlusTheLongestPeriod) {
+  MeasurementBuffer buffer(options());
+  std::vector<Key> released;
+  for (Stamp t = 0; t <= 2000 * kMs; t += 10 * kMs) {
     buffer.add(make(Stream::kGyro, t));
     popInto(buffer, released);
-    if (t < 200 * kMs) {
+    if (t < 1200 * kMs) {
       EXPECT_TRUE(released.empty()) << t;
     } else {
       EXPECT_TRUE(buffer.empty()) << t;
@@ -149,14 +181,42 @@ TEST(MeasurementBuffer, AStreamThatNeverSpeaksDelaysTheStartByAtMostMaxDelay) {
 TEST(MeasurementBuffer, AStreamThatReturnsIsWaitedForAgain) {
   MeasurementBuffer buffer(options());
   std::vector<Key> released;
-  for (Stamp t = 0; t <= 500 * kMs; t += 10 * kMs) buffer.add(make(Stream::kGyro, t));
+  for (Stamp t = 0; t <= 1500 * kMs; t += 10 * kMs) buffer.add(make(Stream::kGyro, t));
   popInto(buffer, released);
   ASSERT_TRUE(buffer.empty());
-  buffer.add(make(Stream::kStereo, 505 * kMs));
-  buffer.add(make(Stream::kGyro, 510 * kMs));
+  buffer.add(make(Stream::kStereo, 1505 * kMs));
+  buffer.add(make(Stream::kGyro, 1510 * kMs));
   popInto(buffer, released);
-  EXPECT_EQ(released.back(), Key(505 * kMs, Stream::kStereo));
+  EXPECT_EQ(released.back(), Key(1505 * kMs, Stream::kStereo));
   EXPECT_EQ(buffer.size(), 1U);
+}
+
+TEST(MeasurementBuffer, AStreamThatReturnsWithALatencyLosesOneSampleAndNoMore) {
+  MeasurementBuffer buffer(options());
+  std::vector<Key> released;
+  std::vector<Stamp> late;
+  for (Stamp t = 0; t <= 10000 * kMs; t += 10 * kMs) {
+    const bool silent = t > 2000 * kMs && t < 6000 * kMs;
+    if (t % (100 * kMs) == 50 * kMs && !silent &&
+        buffer.add(make(Stream::kStereo, t - 50 * kMs)) == Verdict::kLate) {
+      late.push_back(t - 50 * kMs);
+    }
+    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kVelocity, t));
+    popInto(buffer, released);
+  }
+  EXPECT_EQ(late, (std::vector<Stamp>{6000 * kMs}));
+}
+
+TEST(MeasurementBuffer, WhatAStreamSendsAfterANewerSampleOfItsOwnMayBeLate) {
+  MeasurementBuffer buffer(options());
+  buffer.add(make(Stream::kVelocity, 20 * kMs));
+  buffer.add(make(Stream::kStereo, 20 * kMs));
+  buffer.add(make(Stream::kGyro, 12 * kMs));
+  std::vector<Key> released;
+  popInto(buffer, released);
+  ASSERT_EQ(released, (std::vector<Key>{{12 * kMs, Stream::kGyro}}));
+  EXPECT_EQ(buffer.add(make(Stream::kGyro, 11 * kMs)), Verdict::kLate);
 }
 
 TEST(MeasurementBuffer, WhatIsOlderThanTheLastReleasedIsLate) {

@@ -13,13 +13,25 @@ namespace vi_ekf_slam {
 /// Puts measurements of several streams, each with its own rate and latency, into the order of their stamps.
 ///
 /// A measurement is due when no stream that is still alive can bring an older one: every live stream has
-/// delivered up to its stamp. A stream is alive while it lags the newest stamp by at most `max_delay`, so a
-/// stream that stops delays the others once and by no more than that. What comes out depends on the stamps
-/// alone, never on the order of arrival, as long as no measurement is later than `max_delay`.
+/// delivered up to its stamp. A stream is alive while it lags the newest stamp by at most `max_delay` plus
+/// its period, which is the time between its last two samples, at most `kMaxPeriodS`, and as long as that
+/// before it has sent two.
+///
+/// What comes out depends on the stamps alone, never on the order in which the streams arrive, and nothing is
+/// lost, as long as
+/// - each stream keeps its own order: what a stream sends after a newer sample of its own may be late;
+/// - no measurement arrives later than `max_delay` after its stamp. Where a stream's period varies, what it
+///   grows by from one sample to the next counts as delay, and so does what exceeds `kMaxPeriodS`;
+/// - the streams begin within `kMaxPeriodS` of each other.
+/// A stream that stops delays the others once and by no more than `max_delay` plus its period. When it
+/// returns it may lose one sample, which is late but counts as a sign of life.
 class MeasurementBuffer {
  public:
+  /// s; no stream's next sample is waited for longer than this plus `max_delay`.
+  static constexpr double kMaxPeriodS = 1.0;
+
   struct Options {
-    double max_delay_s = 0.2; ///< s of sensor time that a live stream may lag; > 0
+    double max_delay_s = 0.2; ///< s of sensor time that a measurement may arrive after its stamp; > 0
     double max_jump_back_s =
         1.0; ///< s; an older stamp by more than this is a new start, by less a late message
     std::size_t max_size = 100000; ///< measurements held; beyond it the oldest are released
@@ -54,11 +66,18 @@ class MeasurementBuffer {
  private:
   using Key = std::pair<Stamp, Stream>;
 
+  struct StreamClock {
+    std::optional<Stamp> reached; ///< the newest stamp of the stream, be it accepted or late
+    double period_s = kMaxPeriodS;
+
+    void reach(Stamp stamp);
+  };
+
   Stamp watermark() const;
 
   Options options_;
   std::map<Key, Measurement> pending_;
-  std::array<std::optional<Stamp>, kStreamCount> newest_of_stream_;
+  std::array<StreamClock, kStreamCount> clocks_;
   std::optional<Stamp> first_;
   std::optional<Stamp> newest_;
   std::optional<Stamp> last_released_;
