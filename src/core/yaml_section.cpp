@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/core/yaml_section.hpp"
 
+#include <yaml-cpp/eventhandler.h>
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -33,6 +35,41 @@ bool mayNestDeeply(const std::string& yaml) {
     longest = std::max(longest, column);
   }
   return brackets > kMaxNesting || longest > kMaxNesting;
+}
+
+/// Counts the documents of a stream; YAML::Load reads the first and keeps silent about the others, and
+/// YAML::LoadAll stops at the first empty one.
+class DocumentCounter : public YAML::EventHandler {
+ public:
+  int documents = 0;
+  int line = 0; ///< of the newest document's first content, from 1
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    ++documents;
+    line = mark.line + 1;
+  }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+  }
+  void OnMapEnd() override {}
+};
+
+void expectOneDocument(const std::string& yaml, const std::string& source) {
+  std::istringstream stream(yaml);
+  YAML::Parser parser(stream);
+  DocumentCounter counter;
+  while (counter.documents < 2 && parser.HandleNextDocument(counter)) {
+  }
+  if (counter.documents > 1) {
+    throw ConfigError(source + ": a second document begins after '---' at line " +
+                      std::to_string(counter.line) + "; one is allowed");
+  }
 }
 
 } // namespace
@@ -72,6 +109,7 @@ YamlSection YamlSection::root(const std::string& yaml, const std::string& source
                       " characters or more than as many '[' and '{' are not allowed");
   }
   try {
+    expectOneDocument(yaml, source);
     return YamlSection(YAML::Load(yaml), "", source);
   } catch (const YAML::Exception& error) {
     throw ConfigError(source + ": not readable as YAML: " + error.what());
@@ -90,7 +128,12 @@ YamlSection YamlSection::section(const std::string& key) {
 }
 
 void YamlSection::fail(const std::string& key, const std::string& value, const std::string& allowed) const {
-  throw ConfigError(source_ + ": " + path_ + key + ": '" + value + "' is not allowed; it must be " + allowed);
+  const YAML::Node& node = node_; // the const operator[] does not insert
+  const YAML::Node given = node && node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+  double x = 0.0;
+  const bool is_number = given.IsDefined() && given.IsScalar() && YAML::convert<double>::decode(given, x);
+  throw ConfigError(source_ + ": " + path_ + key + ": '" + (is_number ? given.Scalar() : value) +
+                    "' is not allowed; it must be " + allowed);
 }
 
 double YamlSection::number(const std::string& key, const YAML::Node& node, const Range& range) const {

@@ -89,7 +89,9 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"paper: {prior_landmark_variance: 0}", "paper.prior_landmark_variance", "0", "> 0"},
         BadValue{"paper: {step_s: 0}", "paper.step_s", "0", "> 0"},
         BadValue{"paper: {min_depth_m: 0}", "paper.min_depth_m", "0", "> 0"},
-        BadValue{"paper: {min_depth_m: 5, max_depth_m: 5}", "paper.max_depth_m", "5.000000",
+        BadValue{"paper: {min_depth_m: 5, max_depth_m: 5}", "paper.max_depth_m", "5",
+                 "greater than min_depth_m"},
+        BadValue{"paper: {min_depth_m: 5, max_depth_m: 2.5e-9}", "paper.max_depth_m", "2.5e-9",
                  "greater than min_depth_m"},
         BadValue{"- 1\n- 2", "the document", "- 1\n- 2", "a mapping"}));
 
@@ -111,6 +113,19 @@ TEST(Config, NamesTheSourceOfTextThatIsNotYaml) {
   for (const std::string text : {"paper: {mode: slam", "a: b: c", "\t- x", "'open", "{]", "*nowhere"}) {
     expectAll(errorIn(text), {"robot.yaml"});
   }
+}
+
+TEST(Config, RefusesAnythingAfterTheFirstDocument) {
+  for (const std::string text :
+       {"estimator: paper\n---\npaper: {pixel_noise: 2}", "---\n---\npaper: {pixel_noise: 2}",
+        "--- {}\n--- {}\n", "estimator: paper\n...\n---\nestimator: paper", "estimator: paper\n---\n[",
+        "~\n---\nestimator: paper"}) {
+    expectAll(errorIn(text), {"robot.yaml"});
+  }
+  expectAll(errorIn("estimator: paper\n---\npaper: {pixel_noise: 2}"),
+            {"second document", "'---'", "line 2"});
+  EXPECT_EQ(parseConfig("# a comment\n---\npaper: {pixel_noise: 2}\n...\n", "x").paper.pixel_noise, 2.0);
+  EXPECT_EQ(parseConfig("%YAML 1.2\n---\npaper: {pixel_noise: 2}\n", "x").paper.pixel_noise, 2.0);
 }
 
 TEST(Config, NamesAKeyThatIsNoName) { expectAll(errorIn("? [1, 2]\n: 3"), {"robot.yaml", "key"}); }

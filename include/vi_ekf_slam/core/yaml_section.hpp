@@ -54,6 +54,7 @@ class YamlSection {
   void allow(const std::string& key) { known_.insert(key); }
   void finish() const;
 
+  /// A number is named as the document gives it, anything else as `value`.
   [[noreturn]] void fail(const std::string& key, const std::string& value, const std::string& allowed) const;
 
  private:
