@@ -8,8 +8,9 @@
 namespace vi_ekf_slam {
 namespace {
 
-bool isUsable(const Eigen::Vector3d& value, const std::optional<Eigen::Matrix3d>& covariance) {
-  if (!value.allFinite()) return false;
+bool isUsable(const Eigen::Vector3d& value, double max_norm,
+              const std::optional<Eigen::Matrix3d>& covariance) {
+  if (!(value.norm() <= max_norm)) return false; // nor where it is not finite
   if (!covariance) return true;
   if (!covariance->allFinite()) return false;
   const Eigen::Matrix3d& C = *covariance;
@@ -17,8 +18,8 @@ bool isUsable(const Eigen::Vector3d& value, const std::optional<Eigen::Matrix3d>
   return asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && C.llt().info() == Eigen::Success;
 }
 
-bool isUsable(const GyroSample& s) { return isUsable(s.angular_velocity, s.covariance); }
-bool isUsable(const VelocitySample& s) { return isUsable(s.linear_velocity, s.covariance); }
+bool isUsable(const GyroSample& s) { return isUsable(s.angular_velocity, kMaxAngularSpeed, s.covariance); }
+bool isUsable(const VelocitySample& s) { return isUsable(s.linear_velocity, kMaxSpeed, s.covariance); }
 bool isUsable(const StereoFrame&) { return true; } // features are judged one by one, by the estimator
 
 } // namespace

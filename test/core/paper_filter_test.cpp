@@ -280,6 +280,57 @@ TEST(JointEkf, CountsWhatItDidNotUse) {
   EXPECT_EQ(behind.rejected, 1U);
 }
 
+TEST(JointEkf, TakesPixelsThatNoImageHasForInvalid) {
+  const PaperConfig config = sharpConfig(PaperMode::kSlam);
+  const StereoRig rig = exampleRig();
+  JointEkf filter(config);
+  LandmarkMapper mapper(config);
+  const StereoPixels good = rig.camera.project({0.5, 0.2, 8.0});
+  filter.update(rig, {0, {{1, good}}});
+  mapper.update(rig, SE3(), {0, {{1, good}}});
+  Stamp stamp = 0;
+  for (const double bad : {1.001e6, -1.001e6, 1e200, -1e308}) {
+    for (int i = 0; i < 4; ++i) {
+      StereoFrame frame{++stamp, {{1, good}, {2, good}}};
+      for (auto& feature : frame.features) feature.pixels[i] = bad;
+      for (const FrameReport& report : {filter.update(rig, frame), mapper.update(rig, SE3(), frame)}) {
+        EXPECT_EQ(report.invalid, 2U) << bad;
+        EXPECT_EQ(report.used, 0U) << bad;
+        EXPECT_EQ(report.landmarks, 1U) << bad;
+      }
+    }
+  }
+  EXPECT_EQ(distance(filter.imuTWorld().matrix(), Eigen::Matrix4d::Identity()), 0.0);
+}
+
+TEST(JointEkf, AFrameWithoutAFiniteCorrectionIsRejectedAndChangesNothing) {
+  const StereoRig rig = exampleRig();
+  const StereoPixels known = rig.camera.project({0.5, 0.2, 8.0}),
+                     fresh = rig.camera.project({-1.0, 0.1, 6.0});
+  PaperConfig vague = sharpConfig(PaperMode::kSlam);
+  vague.prior_landmark_variance = 1e308; // times the square of a derivative it overflows
+  JointEkf by_landmark(vague), by_pose(sharpConfig(PaperMode::kSlam));
+  by_landmark.update(rig, {0, {{1, known}}});
+  by_pose.update(rig, {0, {{1, known}}});
+  by_pose.predict(Vector6d::Zero(), 1.0, 1e306 * Matrix6d::Identity());
+  for (JointEkf* filter : {&by_landmark, &by_pose}) {
+    const Eigen::MatrixXd covariance = filter->covariance();
+    const Eigen::Matrix4d pose = filter->imuTWorld().matrix();
+    const Eigen::Vector3d position = filter->landmarks()[0].position;
+    const FrameReport report =
+        filter->update(rig, {1, {{1, known + StereoPixels(1.0, 2.0, 0.5, 2.0)}, {2, fresh}}});
+    EXPECT_TRUE(report.frame_rejected);
+    EXPECT_EQ(report.used, 0U);
+    EXPECT_EQ(report.initialised, 0U);
+    EXPECT_EQ(report.landmarks, 1U);
+    EXPECT_EQ(report.nis_dof, 0U);
+    ASSERT_EQ(filter->covariance().rows(), covariance.rows());
+    EXPECT_TRUE(filter->covariance() == covariance);
+    EXPECT_TRUE(filter->imuTWorld().matrix() == pose);
+    EXPECT_TRUE(filter->landmarks()[0].position == position);
+  }
+}
+
 TEST(JointEkf, CovarianceStaysSymmetricAndPositiveDefiniteOverHundredsOfUpdates) {
   PaperConfig config = sharpConfig(PaperMode::kSlam);
   config.pixel_noise = 0.01; // sharp observations of vague landmarks: the hard case for the subtraction

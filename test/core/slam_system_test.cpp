@@ -271,6 +271,51 @@ TEST(SlamSystem, DropsAndCountsValuesThatAreNotFinite) {
   EXPECT_EQ(total(system.counts().processed), 0U);
 }
 
+TEST(SlamSystem, DropsAndCountsMotionThatIsTooFastToBeOne) {
+  SlamSystem system(makeConfig(PaperMode::kSlam));
+  system.setRig(exampleRig());
+  std::size_t n = 0;
+  for (const double bad : {1.001e3, 1e30, 1e308, -1e308}) {
+    GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
+    VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(n));
+    g.angular_velocity.y() = bad;
+    v.linear_velocity.z() = bad;
+    system.add(g);
+    system.add(v);
+    ++n;
+    EXPECT_EQ(system.counts().invalid[kGyro], n) << bad;
+    EXPECT_EQ(system.counts().invalid[kVelocity], n) << bad;
+  }
+  system.add(GyroSample{fromSeconds(101.0), {0.0, 0.0, kMaxAngularSpeed}, {}});
+  system.add(VelocitySample{fromSeconds(101.0), {-kMaxSpeed, 0.0, 0.0}, {}});
+  system.flush();
+  EXPECT_EQ(system.counts().processed[kGyro], 1U);
+  EXPECT_EQ(system.counts().processed[kVelocity], 1U);
+}
+
+TEST(SlamSystem, AbsurdValuesLeaveTheStateFinite) {
+  for (const PaperMode mode : {PaperMode::kMapping, PaperMode::kSlam}) {
+    SlamSystem system(makeConfig(mode));
+    system.setRig(exampleRig());
+    for (auto m : drive(100.0, 2.0)) {
+      const double t = toSeconds(stampOf(m)) + 0.001;
+      if (auto* frame = std::get_if<StereoFrame>(&m); frame != nullptr && t > 101.0) {
+        for (auto& feature : frame->features) feature.pixels *= 1e200;
+      }
+      system.add(m);
+      system.add(GyroSample{fromSeconds(t), {0.0, 1e308, 1e308}, {}});
+      system.add(VelocitySample{fromSeconds(t), {1e308, 0.0, -1e308}, {}});
+    }
+    system.flush();
+    EXPECT_GT(system.counts().features_used, 0U);
+    EXPECT_GT(system.counts().features_invalid, 0U);
+    const StateEstimate state = system.estimator().state();
+    EXPECT_TRUE(state.world_T_imu.matrix().allFinite());
+    EXPECT_TRUE(state.pose_covariance.allFinite());
+    for (const auto& landmark : system.estimator().landmarks()) EXPECT_TRUE(landmark.position.allFinite());
+  }
+}
+
 TEST(SlamSystem, DropsAndCountsCovariancesThatAreNone) {
   Eigen::Matrix3d indefinite = Eigen::Matrix3d::Identity(), asymmetric = indefinite, not_finite = indefinite;
   indefinite(2, 2) = -1e-6;

@@ -14,6 +14,11 @@
 
 namespace vi_ekf_slam {
 
+/// A faster measurement is no motion of a vehicle but a fault, and large enough ones would overflow the
+/// filter.
+constexpr double kMaxSpeed = 1e3;        ///< m/s
+constexpr double kMaxAngularSpeed = 1e3; ///< rad/s
+
 /// The result of one processed measurement.
 struct Output {
   StateEstimate state;
@@ -27,7 +32,7 @@ struct SystemCounts {
   std::array<std::uint64_t, kStreamCount> processed{};
   std::array<std::uint64_t, kStreamCount> late{};
   std::array<std::uint64_t, kStreamCount> duplicate{};
-  std::array<std::uint64_t, kStreamCount> invalid{}; ///< not finite, or a covariance that is none
+  std::array<std::uint64_t, kStreamCount> invalid{}; ///< not finite, too fast, or a covariance that is none
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
   std::uint64_t features = 0;

@@ -29,7 +29,7 @@ FrameReport JointEkf::update(const StereoRig& rig, const StereoFrame& frame) {
   std::vector<const StereoFeatureObservation*> unknown;
   for (const auto& feature : frame.features) {
     if (!isSelected(feature.id, config_.landmark_fraction)) continue;
-    if (!feature.pixels.allFinite()) {
+    if (!isPlausible(feature.pixels)) {
       ++report.invalid;
       continue;
     }
@@ -46,7 +46,8 @@ FrameReport JointEkf::update(const StereoRig& rig, const StereoFrame& frame) {
     }
     matches.push_back({6 + 3 * static_cast<Eigen::Index>(known->second), *prediction, feature.pixels});
   }
-  if (!matches.empty()) correct(matches, report);
+  if (!matches.empty()) report.frame_rejected = !correct(matches, report);
+  if (report.frame_rejected) unknown.clear();
   for (const auto* feature : unknown) {
     const auto position = initialLandmark(rig, imu_T_world_, feature->pixels, config_);
     if (position) {
@@ -60,7 +61,7 @@ FrameReport JointEkf::update(const StereoRig& rig, const StereoFrame& frame) {
   return report;
 }
 
-void JointEkf::correct(const std::vector<Match>& matches, FrameReport& report) {
+bool JointEkf::correct(const std::vector<Match>& matches, FrameReport& report) {
   const Eigen::Index n = size_, rows = 4 * static_cast<Eigen::Index>(matches.size());
   const auto P = covariance_.topLeftCorner(n, n);
   Eigen::MatrixXd HP(rows, n);
@@ -82,26 +83,26 @@ void JointEkf::correct(const std::vector<Match>& matches, FrameReport& report) {
   }
   S.diagonal().array() += config_.pixel_noise;
   const Eigen::LLT<Eigen::MatrixXd> llt(S);
-  if (llt.info() != Eigen::Success) {
-    report.frame_rejected = true;
-    return;
-  }
+  if (llt.info() != Eigen::Success) return false;
 
   // P - K H P with K = P H^T S^-1 is P - A^T A with A = L^-1 H P: symmetric by construction.
   const Eigen::VectorXd weighted = llt.solve(innovation);
   const Eigen::VectorXd correction = HP.transpose() * weighted;
   llt.matrixL().solveInPlace(HP);
+  const SE3 corrected = (SE3::Exp(correction.head<6>()) * imu_T_world_).normalized();
+  if (!correction.allFinite() || !HP.allFinite() || !corrected.matrix().allFinite()) return false;
   auto P_used = covariance_.topLeftCorner(n, n);
   P_used.selfadjointView<Eigen::Lower>().rankUpdate(HP.transpose(), -1.0);
   P_used.triangularView<Eigen::StrictlyUpper>() = P_used.transpose();
 
-  imu_T_world_ = (SE3::Exp(correction.head<6>()) * imu_T_world_).normalized();
+  imu_T_world_ = corrected;
   for (std::size_t i = 0; i < positions_.size(); ++i) {
     positions_[i] += correction.segment<3>(6 + 3 * static_cast<Eigen::Index>(i));
   }
   report.used = matches.size();
   report.nis = innovation.dot(weighted);
   report.nis_dof = static_cast<std::size_t>(rows);
+  return true;
 }
 
 void JointEkf::append(FeatureId id, const Eigen::Vector3d& position) {

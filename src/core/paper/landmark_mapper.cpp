@@ -28,7 +28,7 @@ FrameReport LandmarkMapper::update(const StereoRig& rig, const SE3& imu_T_world,
   report.features = frame.features.size();
   for (const auto& feature : frame.features) {
     if (!isSelected(feature.id, config_.landmark_fraction)) continue;
-    if (!feature.pixels.allFinite()) {
+    if (!isPlausible(feature.pixels)) {
       ++report.invalid;
       continue;
     }

@@ -6,6 +6,10 @@
 
 namespace vi_ekf_slam::paper {
 
+bool isPlausible(const StereoPixels& pixels) {
+  return (pixels.array().abs() <= kMaxPixel).all(); // false for what is not a number, too
+}
+
 std::optional<PredictedObservation> predictObservation(const StereoRig& rig, const SE3& imu_T_world,
                                                        const Eigen::Vector3d& landmark_world,
                                                        double min_depth_m) {

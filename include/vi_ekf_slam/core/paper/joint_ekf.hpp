@@ -20,7 +20,8 @@ class JointEkf {
   /// Eq. 11, the landmarks standing still. `W` is the 6x6 of this step.
   void predict(const Vector6d& twist, double tau, const Matrix6d& W);
 
-  /// Updates with the landmarks that are known (eq. 17 and 20 jointly), then initialises the new ones.
+  /// Updates with the landmarks that are known (eq. 17 and 20 jointly), then initialises the new ones. A
+  /// frame without a finite correction is rejected as a whole and changes nothing.
   FrameReport update(const StereoRig& rig, const StereoFrame& frame);
 
   const SE3& imuTWorld() const { return imu_T_world_; }
@@ -36,7 +37,8 @@ class JointEkf {
     StereoPixels pixels;
   };
 
-  void correct(const std::vector<Match>& matches, FrameReport& report);
+  /// False, and nothing changed, where the numbers do not allow a finite correction.
+  bool correct(const std::vector<Match>& matches, FrameReport& report);
   void append(FeatureId id, const Eigen::Vector3d& position);
 
   PaperConfig config_;

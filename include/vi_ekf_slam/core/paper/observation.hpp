@@ -9,6 +9,12 @@
 
 namespace vi_ekf_slam::paper {
 
+/// px; no image is that wide, and the square of a pixel far beyond it overflows.
+constexpr double kMaxPixel = 1e6;
+
+/// Whether four numbers can be pixels at all: finite and none beyond `kMaxPixel` on either side.
+bool isPlausible(const StereoPixels& pixels);
+
 /// z~ and its derivatives at the state (U, m), eq. 15, 16 and 19.
 struct PredictedObservation {
   StereoPixels pixels;                     ///< M pi(cam_T_imu U m), px
