@@ -61,7 +61,10 @@ bool SlamSystem::waitingForRig() const {
 }
 
 void SlamSystem::drain() {
-  if (waitingForRig()) return;
+  if (waitingForRig()) {
+    while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
+    return;
+  }
   while (auto measurement = buffer_.pop()) process(*measurement);
 }
 

@@ -215,6 +215,19 @@ TEST(SlamSystem, DoesNotWaitForARigThatItsConfigurationDoesNotUse) {
   EXPECT_GT(system.counts().processed[kGyro], 35U);
 }
 
+TEST(SlamSystem, HoldsNoMoreThanMaxSizeWhileItWaitsForTheRig) {
+  Config config = makeConfig(PaperMode::kSlam);
+  config.rig_wait_s = 3600.0;
+  config.buffer.max_size = 50;
+  SlamSystem system(config);
+  std::size_t added = 0;
+  for (const auto& m : drive(100.0, 1.0)) {
+    system.add(m);
+    ++added;
+    EXPECT_EQ(total(system.counts().processed), added <= 50 ? 0 : added - 50) << added;
+  }
+}
+
 TEST(SlamSystem, ARigWaitOfZeroWaitsForNothing) {
   Config config = makeConfig(PaperMode::kSlam);
   config.rig_wait_s = 0.0;

@@ -56,8 +56,8 @@ class SlamSystem {
   /// Called after a reset, with the reason.
   void onReset(std::function<void(const std::string&)> handler) { on_reset_ = std::move(handler); }
 
-  /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time, unless the
-  /// configuration does not look at features at all.
+  /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
+  /// the buffer may hold, unless the configuration does not look at features at all.
   void setRig(const StereoRig& rig);
   bool hasRig() const { return rig_.has_value(); }
   /// Whether the configured estimator looks at features, for which it needs the calibration.
