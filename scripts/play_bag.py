@@ -41,13 +41,14 @@ def find_bag(path):
 
 
 def read_contents(path):
-    """(topics in the bag, {topic: header stamp of its last message} of the measurements)."""
+    """(topics in the bag, {topic: header stamp of its last message} of the measurements, time at which the bag ends)."""
     measurements = [rospy.resolve_name(name) for name in MEASUREMENTS]
     try:
         with rosbag.Bag(path) as bag:
             topics = sorted(bag.get_type_and_topic_info().topics)
-            last = {}
+            last, end = {}, rospy.Time()
             if topics:
+                end = rospy.Time.from_sec(bag.get_end_time())
                 start = max(bag.get_start_time(), bag.get_end_time() - 5.0)
                 for topic, message, _ in bag.read_messages(measurements, start_time=rospy.Time.from_sec(start)):
                     last[topic] = max(last.get(topic, message.header.stamp), message.header.stamp)
@@ -56,16 +57,16 @@ def read_contents(path):
     if not any(name in topics for name in measurements):
         raise PlayError("%s: none of %s is in it; it has %s" %
                         (path, ", ".join(measurements), ", ".join(topics) or "nothing"))
-    return topics, last
+    return topics, last, end
 
 
 class Player:
     """rosbag play as a child, and what is heard of the node meanwhile."""
 
     def __init__(self, path, rate):
-        self.topics, last = read_contents(path)
-        features = rospy.resolve_name("features")
-        self.goal = last.get(features) or max(last.values(), default=rospy.Time())
+        self.topics, last, self.end = read_contents(path)
+        # Without frames nothing says that the node is done: it may hold the last samples back for what could be late.
+        self.goal = last.get(rospy.resolve_name("features"))
         self.answered = rospy.Time()
         self.clock = rospy.Time()
         self.last_move = None
@@ -88,17 +89,18 @@ class Player:
             self.last_move = time.monotonic()
 
     def on_clock(self, message):
-        """The player has played up to this time."""
+        """The player has played up to this time; its clock runs on when the bag is over."""
         if message.clock != self.clock:
+            if self.clock <= self.end:
+                self.last_move = time.monotonic()
             self.clock = message.clock
-            self.last_move = time.monotonic()
 
     def is_over(self):
         """Whether there is nothing left to wait for."""
-        if self.answered >= self.goal:
+        if self.goal is not None and self.answered >= self.goal:
             return True
         quiet = self.last_move is not None and time.monotonic() - self.last_move > QUIET_S
-        if quiet:
+        if quiet and self.goal is not None:
             rospy.logwarn("play_bag: the bag is over; the node has answered up to %s, the last measurement is of %s",
                           self.answered, self.goal)
         return quiet

@@ -42,7 +42,7 @@ class Playback(unittest.TestCase):
         drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
 
     def run_bag(self):
-        """Folder of run_bag's results."""
+        """Folder of run_bag's results, made anew."""
         output = os.path.join(self.folder, "run_bag")
         subprocess.run([drive_data.program("run_bag"), self.bag, "--config", self.config, "--output", output],
                        check=True, timeout=LIMIT)
@@ -74,6 +74,15 @@ class Playback(unittest.TestCase):
         nodelet = os.path.join(self.folder, "nodelet")
         log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
+
+    def test_a_bag_without_features_ends_too(self):
+        """Dead reckoning is saved, the same as run_bag's; the player's clock, which runs on, keeps nothing alive."""
+        drive_data.write_bag(self.bag, [m for m in drive_data.drive(calibrated=False) if m[0] != "features"])
+        expected = self.run_bag()
+        log = self.launch()
+        for name in SAME_FILES:
+            self.assertEqual(_read(expected, name), _read(self.folder, "drive_slam", name), log)
+        self.assertEqual(61, len(_read(expected, "trajectory.tum").splitlines()))
 
     def test_frames_correct_the_trajectory(self):
         """Guards the comparison: were the features ignored, equality would say little."""
