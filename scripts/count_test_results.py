@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Count the tests in a directory of JUnit results: name the failures, end with `N passed, N failed, N skipped`.
 
-Exits with 1 when a test failed, a result is not readable, or nothing ran. rostest repeats in rostest-*.xml what the
-nodes that it starts wrote to rosunit-*.xml; the latter do not count twice.
+Exits with 1 when a test failed, a result is not readable, or nothing ran. A rostest leaves two results: rosunit-NAME.xml
+with the tests of its test node, and rostest-*.xml with one case `testNAME` that stands for all of them. That case counts
+only where it says something new: the node left no result, or it failed though all of its tests passed.
 """
 
 import os
@@ -14,7 +15,7 @@ def result_files(directory):
     """Paths of the results, sorted."""
     for folder, _, names in sorted(os.walk(directory)):
         for name in sorted(names):
-            if name.endswith(".xml") and not name.startswith("rosunit-"):
+            if name.endswith(".xml"):
                 yield os.path.join(folder, name)
 
 
@@ -37,11 +38,24 @@ def outcomes(path):
             yield "passed", name
 
 
+def repeats(path, outcome, name, node_results):
+    """Whether this case of a rostest only sums up what its test node wrote. node_results: {NAME: set of outcomes}."""
+    if not os.path.basename(path).startswith("rostest-"):
+        return False
+    node = node_results.get(name.rpartition(".test")[2], set())
+    return bool(node) and (outcome != "failed" or "failed" in node)
+
+
 def main(directory):
     """Print the counts; the exit status."""
     counts = {"passed": 0, "failed": 0, "skipped": 0}
-    for path in result_files(directory):
+    paths = list(result_files(directory))
+    node_results = {os.path.basename(path)[len("rosunit-"):-len(".xml")]: {outcome for outcome, _ in outcomes(path)}
+                    for path in paths if os.path.basename(path).startswith("rosunit-")}
+    for path in paths:
         for outcome, name in outcomes(path):
+            if repeats(path, outcome, name, node_results):
+                continue
             counts[outcome] += 1
             if outcome == "failed":
                 print("FAILED %s" % name)

@@ -32,8 +32,10 @@ def test_catkin_lint_is_clean(tmp_path):
 def test_the_default_configuration_states_the_defaults(name, struct, section):
     """Every member of the structure is in the file, with the value that the structure gives it."""
     written = yaml.safe_load(read("config", name + ".yaml"))[section]
-    members = dict(re.findall(r"^ +(?:std::string|std::size_t|bool|double) (\w+)\s*=\s*([^;]+);", read(struct), re.MULTILINE))
-    members.update((key, '""') for key in re.findall(r"^ +std::string (\w+);", read(struct), re.MULTILINE))
+    body = re.search(r"struct (?:Options|RosConfig) \{(.*?)\n *\};", read(struct), re.DOTALL).group(1)
+    members = dict(re.findall(r"^ +(?:std::string|std::size_t|bool|double) (\w+)\s*=\s*([^;]+);", body, re.MULTILINE))
+    members.update((key, '""') for key in re.findall(r"^ +std::string (\w+);", body, re.MULTILINE))
+    assert len(members) > 2
     for key, value in members.items():
         assert key in written, key
         assert written[key] == yaml.safe_load(value), key
@@ -48,3 +50,25 @@ def test_every_python_file_compiles_with_the_oldest_supported_version():
             if name.endswith(".py"):
                 ast.parse(read(folder, name), name, feature_version=(3, 8))
     assert sys.version_info >= (3, 8)
+
+
+CASE = '<testcase classname="%s" name="%s">%s</testcase>'
+FAILURE = "<failure/>"
+
+
+@pytest.mark.parametrize("files, printed", [
+    ({}, "0 passed, 0 failed, 0 skipped"),
+    ({"gtest-a": [("a", "x", ""), ("a", "y", "<skipped/>")]}, "1 passed, 0 failed, 1 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", "")], "rosunit-node": [("N", "x", ""), ("N", "y", "")]},
+     "2 passed, 0 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)], "rosunit-node": [("N", "x", ""), ("N", "y", FAILURE)]},
+     "1 passed, 1 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)], "rosunit-node": [("N", "x", "")]},
+     "1 passed, 1 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)]}, "0 passed, 1 failed, 0 skipped")])
+def test_results_count_once(script, tmp_path, files, printed):
+    for name, cases in files.items():
+        (tmp_path / (name + ".xml")).write_text("<testsuite>%s</testsuite>" % "".join(CASE % case for case in cases))
+    done = script("count_test_results.py", tmp_path)
+    assert done.stdout.splitlines()[-1] == printed
+    assert done.returncode == (0 if " 0 failed" in printed and not printed.startswith("0 passed") else 1)
