@@ -1,0 +1,98 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <vector>
+
+#include "monte_carlo_options.hpp"
+#include "monte_carlo_report.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using simulation::MotionModel;
+using simulation::SeedResult;
+
+MonteCarloOptions parse(std::vector<const char*> words) {
+  words.insert(words.begin(), {"monte_carlo", "--config", "c.yaml", "--output", "d"});
+  return parseMonteCarloOptions(static_cast<int>(words.size()), words.data());
+}
+
+/// A drive of 101 frames whose pose NEES is `nees`.
+SeedResult driveOf(double nees) {
+  SeedResult result;
+  result.frames.resize(101);
+  for (simulation::FrameErrors& frame : result.frames) frame.nees.pose = nees;
+  return result;
+}
+
+TEST(MonteCarloOptions, AreTakenInEitherForm) {
+  const MonteCarloOptions options =
+      parse({"--seeds", "7", "--first-seed=3", "--motion", "process", "--set", "duration=12", "--set=speed=5",
+             "--jobs", "3", "--check", "5.08,7", "--plot"});
+  EXPECT_EQ(options.config, "c.yaml");
+  EXPECT_EQ(options.output, "d");
+  EXPECT_EQ(options.seeds, 7u);
+  EXPECT_EQ(options.first_seed, 3u);
+  EXPECT_EQ(options.jobs, 3u);
+  EXPECT_EQ(options.drive.motion, MotionModel::kProcessModel);
+  EXPECT_EQ(options.drive.duration, 12.0);
+  EXPECT_EQ(options.drive.speed, 5.0);
+  ASSERT_TRUE(options.check.has_value());
+  EXPECT_EQ(options.check->first, 5.08);
+  EXPECT_EQ(options.check->second, 7.0);
+  EXPECT_TRUE(options.plot);
+}
+
+TEST(MonteCarloOptions, MotionComesBeforeWhatIsSetWhateverTheOrder) {
+  EXPECT_EQ(parse({"--set", "duration=12", "--motion", "process"}).drive.duration, 12.0);
+  EXPECT_EQ(parse({"--motion", "process"}).drive.outlier_fraction, 0.0);
+  EXPECT_EQ(parse({}).drive.motion, MotionModel::kCarDrive);
+  EXPECT_GT(parse({}).drive.outlier_fraction, 0.0);
+}
+
+TEST(MonteCarloOptions, RefuseWhatCannotBe) {
+  const std::vector<std::vector<const char*>> refused = {{"--seeds", "0"},
+                                                         {"--seeds", "-1"},
+                                                         {"--seeds", "x"},
+                                                         {"--seeds"},
+                                                         {"--jobs", "0"},
+                                                         {"--motion", "boat"},
+                                                         {"--set", "speed"},
+                                                         {"--set", "speed=fast"},
+                                                         {"--set", "seed=3"},
+                                                         {"--set", "colour=red"},
+                                                         {"--check", "7"},
+                                                         {"--check", "7,5"},
+                                                         {"--check", "5,7x"},
+                                                         {"--check", ","},
+                                                         {"--nothing", "1"},
+                                                         {"stray"},
+                                                         {"--motion", "process", "--set", "ids-return=true"}};
+  for (const auto& words : refused) EXPECT_THROW(parse(words), MonteCarloUsageError) << words.front();
+  const char* bare[] = {"monte_carlo", "--output", "d"};
+  EXPECT_THROW(parseMonteCarloOptions(3, bare), MonteCarloUsageError);
+}
+
+TEST(MonteCarloReport, BoundsHoldForTheMeanAtEveryCheckPoint) {
+  std::vector<SeedResult> results = {driveOf(4.0), driveOf(8.0)};
+  EXPECT_TRUE(neesWithin(results, {5.9, 6.1}));
+  EXPECT_FALSE(neesWithin(results, {6.1, 7.0}));
+  results[0].frames[50].nees.pose = 20.0; // half way
+  EXPECT_FALSE(neesWithin(results, {5.9, 6.1}));
+  results[0] = driveOf(4.0);
+  results[0].frames[51].nees.pose = 20.0; // no check point
+  EXPECT_TRUE(neesWithin(results, {5.9, 6.1}));
+  results[0].frames[100].nees.pose = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(neesWithin(results, {0.0, 1e9}));
+}
+
+TEST(MonteCarloReport, SummaryNamesTheLargestFallAndTheBounds) {
+  std::vector<SeedResult> results(50, driveOf(6.0));
+  results[7].yaw_fall = 0.25;
+  const std::string text = monteCarloSummary(results);
+  EXPECT_NE(text.find("falls by 25 %"), std::string::npos) << text;
+  EXPECT_NE(text.find("5.08-7.00"), std::string::npos) << text;
+}
+
+} // namespace
+} // namespace vi_ekf_slam
