@@ -1,0 +1,88 @@
+"""The default estimator's covariance tells the truth: a short version of the study that the program monte_carlo does.
+
+Over few seeds the mean NEES scatters, so the bounds here are wider than those of the full study (50 seeds: 5.08 to 7.00).
+"""
+
+import csv
+import os
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from vi_ekf_slam.simulation import find_program
+
+CONFIG = os.path.join(ROOT, "config", "default.yaml")
+SEEDS = 10
+# Quantiles 0.0005 and 0.9995 of the mean of 10 chi-square values of 6 degrees of freedom (Wilson and Hilferty).
+LOW, HIGH = 3.03, 10.28
+
+
+def study(config, folder, *arguments):
+    """Rows of seeds.csv and check_points.csv as columns {name: (N,)}, and the exit code."""
+    command = [find_program("monte_carlo"), "--config", str(config), "--output", str(folder),
+               "--seeds", str(SEEDS), "--quiet", *arguments]
+    done = subprocess.run(command, stderr=subprocess.PIPE, universal_newlines=True, timeout=600, check=False)
+    assert done.returncode in (0, 3), done.stderr
+    tables = []
+    for name in ("seeds.csv", "check_points.csv"):
+        with open(str(folder / name), encoding="ascii", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        tables.append({key: np.array([float(row[key]) for row in rows]) for key in rows[0]})
+    return tables[0], tables[1], done.returncode
+
+
+def mean_nees(check_points):
+    """Mean over the seeds at each check point, in their order."""
+    return [check_points["nees"][check_points["share"] == share].mean() for share in (0.25, 0.5, 0.75, 1.0)]
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory):
+    return study(CONFIG, tmp_path_factory.mktemp("process"), "--motion", "process", "--set", "duration=40")
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory):
+    return study(CONFIG, tmp_path_factory.mktemp("car"), "--set", "laps=1")
+
+
+def test_pose_error_is_as_large_as_claimed_when_the_motion_follows_the_model(process):
+    assert all(LOW <= nees <= HIGH for nees in mean_nees(process[1])), mean_nees(process[1])
+
+
+def test_innovations_are_as_large_as_claimed_when_the_motion_follows_the_model(process):
+    assert abs(process[0]["nis_per_dof"].mean() - 1.0) <= 0.03
+
+
+def test_pose_error_of_a_car_is_at_most_as_large_as_claimed(car):
+    assert all(nees <= HIGH for nees in mean_nees(car[1])), mean_nees(car[1])
+
+
+def test_global_yaw_is_never_learnt_before_a_landmark_is_seen_again(process, car):
+    assert process[0]["yaw_variance_fall"].max() == 0.0 and car[0]["yaw_variance_fall"].max() == 0.0
+
+
+# The paper's filter with its camera switched on and the simulation's true noise.
+PAPER = """
+estimator: paper
+paper:
+  mode: slam
+  motion_noise: [0.0025, 0.0025, 0.0025, 0.000025, 0.000025, 0.000025]
+  pixel_noise: 0.49
+  prior_pose_variance: 0.0
+  prior_landmark_variance: 100.0
+  landmark_fraction: 0.2
+  max_depth_m: 150.0
+"""
+
+
+def test_the_papers_filter_fails_the_same_study(tmp_path):
+    config = tmp_path / "paper.yaml"
+    config.write_text(PAPER)
+    seeds, check_points, code = study(config, tmp_path, "--motion", "process", "--set", "duration=20", "--set",
+                                      "features-max=60", "--check", "%s,%s" % (LOW, HIGH))
+    assert code == 3 and max(mean_nees(check_points)) > 5.0 * HIGH
+    assert seeds["yaw_variance_fall"].max() > 0.1
+    assert seeds["position_rmse"].mean() < seeds["dead_reckoning_rmse"].mean()  # its camera is on
