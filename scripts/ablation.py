@@ -23,7 +23,7 @@ TUNED_PAPER = {"mode": "slam", "motion_noise": [0.0025, 0.0025, 0.0025, 0.000025
                "pixel_noise": 4.0, "prior_pose_variance": 0.0, "prior_landmark_variance": 100.0,
                "landmark_fraction": 0.05, "min_depth_m": 0.5, "max_depth_m": 150.0}
 
-# Name, options of dataset_to_bag.py, what changes in the configuration. The first row is the one that the others change.
+# Name, options of dataset_to_bag.py, what changes in the configuration. The others change the first row.
 ROWS = (
     ("full", (), {}),
     ("stale frames not repaired", ("--keep-stale",), {}),
@@ -104,7 +104,8 @@ def main(argv=None):
     parser.add_argument("output", metavar="OUT", help="directory for ablation.md and ablation.csv, made if needed")
     parser.add_argument("--config", default=os.path.join(ROOT, "config", "default.yaml"), metavar="YAML",
                         help="configuration that the rows change (default: config/default.yaml)")
-    parser.add_argument("--drives", nargs="+", default=list(DRIVES), metavar="NNNN", help="default: %s" % " ".join(DRIVES))
+    parser.add_argument("--drives", nargs="+", default=list(DRIVES), metavar="NNNN",
+                        help="default: %s" % " ".join(DRIVES))
     options = parser.parse_args(argv)
     try:
         with open(options.config, encoding="utf-8") as stream:

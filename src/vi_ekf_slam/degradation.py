@@ -1,7 +1,7 @@
 """Make a real drive worse in known ways: fewer and shorter tracks, gaps, traffic; or its twist better.
 
-Features are handled as a list of frames, each a pair (ids (N,) int64, pixels (4, N) uL vL uR vR). Everything random comes
-from a seed. Truth is a pair (stamps, poses) as truth.load_truth gives it: IMU poses at the frames' own stamps.
+Features are handled as a list of frames, each a pair (ids (N,) int64, pixels (4, N) uL vL uR vR). Everything random
+comes from a seed. Truth is a pair (stamps, poses) as truth.load_truth gives it: IMU poses at the frames' own stamps.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ def keep_tracks(frames, every):
 
 
 def cut_tracks(frames, longest=None, drop_last=0.0):
-    """Take the ends of the tracks away: all after the first `longest` observations, and the share `drop_last` of each."""
+    """Take the tracks' ends away: all after the first `longest` observations, and the share `drop_last` of each."""
     length = {}
     for ids, _ in frames:
         for number in ids:
@@ -74,8 +74,8 @@ def black_out(frames, stamps, start, duration):
 def good_twist(dataset, truth, velocity_sigma, gyro_sigma, seed):
     """The dataset with its twist replaced by the true one plus white noise of sigmas in m/s and rad/s.
 
-    The true twist at a frame is the symmetric difference Log(T_{k-1}^-1 T_{k+1}) / (t_{k+1} - t_{k-1}), one-sided at the
-    ends. Every frame of the dataset needs its true pose.
+    The true twist at a frame is the symmetric difference Log(T_{k-1}^-1 T_{k+1}) / (t_{k+1} - t_{k-1}), one-sided at
+    the ends. Every frame of the dataset needs its true pose.
     """
     stamps, poses = truth
     require_truth(dataset, stamps)

@@ -93,8 +93,8 @@ def plot_monte_carlo(options):
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
     parser = argparse.ArgumentParser(prog="plot_monte_carlo.py",
-                                     description="Draw what the program monte_carlo wrote: NEES with its bounds, NIS and "
-                                                 "position errors over time.")
+                                     description="Draw what the program monte_carlo wrote: NEES with its bounds, NIS "
+                                                 "and position errors over time.")
     parser.add_argument("directory", metavar="DIR", help="directory that monte_carlo wrote")
     parser.add_argument("--output", metavar="PNG", help="picture to write (default: DIR/monte_carlo.png)")
     parser.add_argument("--title", help="text above the picture")

@@ -14,7 +14,7 @@ from vi_ekf_slam.simulation import find_program
 from vi_ekf_slam.truth import sample_poses
 
 Judgement = namedtuple("Judgement", "slam dead_reckoning way")
-Judgement.__doc__ = """slam, dead_reckoning: evaluation.Evaluation of the left camera. way: length of the true path in m."""
+Judgement.__doc__ = """slam, dead_reckoning: evaluation.Evaluation. way: length of the true path in m."""
 
 
 def run_bag(bag, config, output):

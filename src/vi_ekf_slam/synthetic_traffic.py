@@ -45,8 +45,8 @@ class _Car:
 def add_traffic(dataset, frames, truth, share, seed):
     """Frames in which `share` (0..1) of the features ride on cars.
 
-    Of the real tracks every other one stays, as behind cars; cars' features come on top until the share is reached, frame by
-    frame (a frame without real features gets none). truth: (stamps, poses) of the IMU at every frame.
+    Of the real tracks every other one stays, as behind cars; cars' features come on top until the share is reached,
+    frame by frame (a frame without real features gets none). truth: (stamps, poses) of the IMU at every frame.
     Returns (frames, number of features on cars).
     """
     stamps, poses = truth

@@ -1,6 +1,6 @@
 """The default estimator's covariance tells the truth: a short version of the study that the program monte_carlo does.
 
-Over few seeds the mean NEES scatters, so the bounds here are wider than those of the full study (50 seeds: 5.08 to 7.00).
+Over few seeds the mean NEES scatters, so the bounds are wider than those of the full study (50 seeds: 5.08 to 7).
 """
 
 import csv

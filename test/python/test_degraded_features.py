@@ -134,7 +134,8 @@ def test_command_line_writes_a_bag_with_truth(save, truth, tmp_path, script):
 
 
 @pytest.mark.parametrize("arguments, word", [
-    (["--every", "0"], "--every is 0"), (["--traffic", "1"], "--traffic is 1"), (["--drop-last", "-0.1"], "--drop-last"),
+    (["--every", "0"], "--every is 0"), (["--traffic", "1"], "--traffic is 1"),
+    (["--drop-last", "-0.1"], "--drop-last"),
     (["--longest", "0"], "--longest is 0"), (["--gyro-sigma", "0"], "--gyro-sigma"), (["--seed", "-1"], "--seed is -1"),
 ])
 def test_command_line_refuses(save, tmp_path, arguments, word, capsys):
