@@ -23,8 +23,9 @@ def make_parser():
     """The argument parser, with every option's unit and default."""
     parser = argparse.ArgumentParser(
         prog="degraded_bag.py",
-        description="Convert a drive (.npz) to a bag like dataset_to_bag.py (stale frames and extrinsic repaired), with "
-                    "features taken away or traffic added, to see what an estimator makes of it. The bag ends with the truth.")
+        description="Convert a drive (.npz) to a bag like dataset_to_bag.py (stale frames and extrinsic repaired) with "
+                    "features taken away or traffic added, to see what an estimator makes of it. The bag ends where "
+                    "the truth ends.")
     parser.add_argument("input", metavar="IN.npz")
     parser.add_argument("output", metavar="OUT.bag")
     parser.add_argument("--truth", metavar="FILE", required=True,
