@@ -16,6 +16,13 @@ void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer, double&
   section.finish();
 }
 
+void checkDepths(const YamlSection& section, double min_depth_m, double max_depth_m) {
+  if (max_depth_m > min_depth_m) return;
+  std::ostringstream value;
+  value << max_depth_m;
+  section.fail("max_depth_m", value.str(), "greater than min_depth_m");
+}
+
 void readPaper(YamlSection section, PaperConfig& paper) {
   section.readChoice<PaperMode>("mode",
                                 {{"dead_reckoning", PaperMode::kDeadReckoning},
@@ -30,9 +37,32 @@ void readPaper(YamlSection section, PaperConfig& paper) {
   section.read("landmark_fraction", Range::halfOpen(0.0, 1.0), paper.landmark_fraction);
   section.read("min_depth_m", Range::positive(), paper.min_depth_m);
   section.read("max_depth_m", Range::positive(), paper.max_depth_m);
-  if (paper.max_depth_m <= paper.min_depth_m) {
-    section.fail("max_depth_m", std::to_string(paper.max_depth_m), "greater than min_depth_m");
-  }
+  checkDepths(section, paper.min_depth_m, paper.max_depth_m);
+  section.finish();
+}
+
+void readInvariant(YamlSection section, InvariantConfig& invariant) {
+  section.read("twist_density", Range::notNegative(), invariant.twist_density);
+  section.read("bias_density", Range::notNegative(), invariant.bias_density);
+  section.read("prior_twist_sigma", Range::positive(), invariant.prior_twist_sigma);
+  section.read("prior_bias_sigma", Range::positive(), invariant.prior_bias_sigma);
+  section.read("velocity_sigma", Range::positive(), invariant.velocity_sigma);
+  section.read("gyro_sigma", Range::positive(), invariant.gyro_sigma);
+  section.read("twist_state", invariant.twist_state);
+  section.read("pixel_sigma", Range::positive(), invariant.pixel_sigma);
+  section.read("min_disparity", Range::positive(), invariant.min_disparity);
+  section.read("max_row_offset", Range::positive(), invariant.max_row_offset);
+  section.read("min_depth_m", Range::positive(), invariant.min_depth_m);
+  section.read("max_depth_m", Range::positive(), invariant.max_depth_m);
+  section.read("consensus", invariant.consensus);
+  section.read("consensus_px", Range::positive(), invariant.consensus_px);
+  section.read("gate", Range::positive(), invariant.gate);
+  section.read("frame_gate", Range::positive(), invariant.frame_gate);
+  section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
+  section.read("scale_significance", Range::positive(), invariant.scale_significance);
+  section.read("map_min_observations", Range::closed(1.0, 1e6), invariant.map_min_observations);
+  section.read("map_max_landmarks", Range::closed(0.0, 1e9), invariant.map_max_landmarks);
+  checkDepths(section, invariant.min_depth_m, invariant.max_depth_m);
   section.finish();
 }
 
@@ -42,8 +72,11 @@ Config parseConfig(const std::string& yaml, const std::string& source,
                    const std::vector<std::string>& other_sections) {
   Config config;
   YamlSection root = YamlSection::root(yaml, source);
-  root.readChoice<EstimatorType>("estimator", {{"paper", EstimatorType::kPaper}}, config.estimator);
+  root.readChoice<EstimatorType>("estimator",
+                                 {{"invariant", EstimatorType::kInvariant}, {"paper", EstimatorType::kPaper}},
+                                 config.estimator);
   readBuffer(root.section("buffer"), config.buffer, config.rig_wait_s);
+  readInvariant(root.section("invariant"), config.invariant);
   readPaper(root.section("paper"), config.paper);
   for (const auto& section : other_sections) root.allow(section);
   root.finish();

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
@@ -16,7 +17,7 @@ class ConfigError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-enum class EstimatorType { kPaper };
+enum class EstimatorType { kPaper, kInvariant };
 
 enum class PaperMode {
   kDeadReckoning, ///< EKF prediction alone (paper section III-B)
@@ -38,9 +39,10 @@ struct PaperConfig {
 };
 
 struct Config {
-  EstimatorType estimator = EstimatorType::kPaper;
+  EstimatorType estimator = EstimatorType::kInvariant;
   MeasurementBuffer::Options buffer;
   double rig_wait_s = 2.0; ///< s of sensor time that measurements wait for the calibration at the start
+  InvariantConfig invariant;
   PaperConfig paper;
 };
 

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam {
+
+/// The right-invariant EKF. Vectors are (velocity x, y, z, angular velocity x, y, z) in the IMU frame; sigmas
+/// are standard deviations.
+struct InvariantConfig {
+  /// Root spectral density of the twist's derivative, m/s^1.5 and rad/s^1.5: how hard the body can
+  /// accelerate.
+  Vector6d twist_density = (Vector6d() << 0.5, 0.08, 0.08, 0.05, 0.05, 0.05).finished();
+  /// Root spectral density of the biases' random walk, m/s^1.5 and rad/s^1.5.
+  Vector6d bias_density = Vector6d::Zero();
+  Vector6d prior_twist_sigma = (Vector6d() << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5).finished();
+  Vector6d prior_bias_sigma = (Vector6d() << 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01).finished();
+  double velocity_sigma = 0.5; ///< m/s per axis, of samples without a covariance
+  double gyro_sigma = 0.05;    ///< rad/s per axis, of samples without a covariance
+  bool twist_state = true; ///< false: the measured twist is taken as it is, sample by sample (for comparison)
+
+  double pixel_sigma = 0.7;    ///< px, of each of the four pixel coordinates
+  double min_disparity = 1.0;  ///< px; features with less are not used
+  double max_row_offset = 4.0; ///< px between v_left and v_right; features with more are not used
+  double min_depth_m = 0.5;    ///< m
+  double max_depth_m = 150.0;  ///< m; points that start farther away do not become landmarks
+
+  bool consensus = true;     ///< 1-point RANSAC inside the filter (for comparison: false)
+  double consensus_px = 2.0; ///< px, RMS residual of the four coordinates up to which a feature agrees
+  double gate = 11.345;      ///< chi-square limit with 3 degrees of freedom for a single feature (99 %)
+  double frame_gate = 5.0;   ///< NIS per degree of freedom beyond which a whole frame is impossible
+
+  /// Standard deviation of the error of scale in what the pair sees (baseline, lagging tracks), before
+  /// anything was compared with the measured velocity; 0: the scale is taken as right.
+  double scale_sigma = 0.02;
+  double scale_significance = 4.0; ///< sigmas beyond which an error of scale is proven, and corrected
+
+  std::size_t map_min_observations = 3; ///< of a landmark that has left, to stay in the map
+  std::size_t map_max_landmarks =
+      100000; ///< that have left; beyond it the ones that left first are forgotten
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam::invariant {
+
+/// Where the parts of the error vector begin. Landmark i's three rows begin at kLandmarks + 3 i.
+constexpr Eigen::Index kPosition = 0, kRotation = 3, kTwist = 6, kBias = 12, kLandmarks = 18;
+
+struct Landmark {
+  FeatureId id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(); ///< world, m
+  std::size_t observations = 1;                       ///< that corrected the state, the first one included
+};
+
+/// Standard deviations of the state before anything was measured, per axis.
+struct Prior {
+  Vector6d pose_sigma;  ///< m, rad
+  Vector6d twist_sigma; ///< m/s, rad/s
+  Vector6d bias_sigma;  ///< m/s, rad/s
+};
+
+/// Continuous-time white noise that drives the state, as root spectral densities per axis.
+struct ProcessNoise {
+  Vector6d twist_density; ///< m/s^1.5, rad/s^1.5: the twist is a random walk
+  Vector6d bias_density;  ///< m/s^1.5, rad/s^1.5: so are the biases
+};
+
+/// Mean and covariance of pose T = world_T_imu, body twist nu = (v, omega), bias b of the twist's measurement
+/// and landmarks m, with the right-invariant error (Barrau and Bonnabel, "An EKF-SLAM algorithm with
+/// consistency properties", arXiv:1510.06263):
+///
+///   T = Exp(xi) T^,   m = Exp(xi_R) (m^ + e),   nu = nu^ + dnu,   b = b^ + db,
+///
+/// stacked as (xi_p, xi_R, dnu, db, e_1, e_2, ...), world axes for xi and e. A rotation or shift of the whole
+/// world is a direction of this error that does not depend on the estimate, so no update can gain
+/// information about it. The covariance changes only through the operations below; all keep it symmetric.
+class State {
+ public:
+  explicit State(const Prior& prior);
+
+  const SE3& pose() const { return pose_; }
+  const Vector6d& twist() const { return twist_; }
+  const Vector6d& bias() const { return bias_; }
+  const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  Eigen::Index size() const { return offsetOf(landmarks_.size()); }
+  static Eigen::Index offsetOf(std::size_t landmark) {
+    return kLandmarks + 3 * static_cast<Eigen::Index>(landmark);
+  }
+  /// size() x size(), symmetric.
+  auto covariance() const { return covariance_.topLeftCorner(size(), size()); }
+
+  /// Moves on by `dt` s: T <- T Exp(dt nu); xi and e pick up Ad(T) J_l(dt nu) dt dnu.
+  void propagate(double dt, const ProcessNoise& noise);
+
+  /// Kalman update. `HP` is H times the covariance (rows x size()), `S` the innovation's covariance (rows x
+  /// rows), both from this state. With `cam_T_imu` landmarks before the camera are corrected in inverse depth
+  /// (see retract). Returns the normalised innovation squared; nothing, and no change, when S is not positive
+  /// definite or the correction is not finite.
+  std::optional<double> correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& S,
+                                const Eigen::VectorXd& innovation, const SE3* cam_T_imu = nullptr);
+
+  /// Adds the landmark at `position` (world), seen from here with position noise covariance `noise` (3x3,
+  /// world axes): e = xi_p + n.
+  void addLandmark(FeatureId id, const Eigen::Vector3d& position, const Eigen::Matrix3d& noise);
+
+  /// Marginalises a landmark; the last one takes its place.
+  void removeLandmark(std::size_t index);
+
+  void countObservation(std::size_t index) { ++landmarks_[index].observations; }
+
+  /// Makes three consecutive twist rows, from `row` (kTwist or kTwist + 3) on, unknown again: no correlation,
+  /// the given sigma.
+  void forgetTwist(Eigen::Index row, const Eigen::Vector3d& sigma);
+
+  /// 6x6 of (position, rotation) errors along the world axes as StateEstimate wants it: dp = xi_p - [p]x
+  /// xi_R.
+  Matrix6d poseCovariance() const;
+  /// 3x3 of the landmark's position error along the world axes: e - [m]x xi_R.
+  Eigen::Matrix3d landmarkCovariance(std::size_t index) const;
+
+ private:
+  void retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
+  void transport(std::size_t landmark, const Eigen::Matrix3d& M);
+  void reserve(Eigen::Index size);
+
+  SE3 pose_;
+  Vector6d twist_ = Vector6d::Zero();
+  Vector6d bias_ = Vector6d::Zero();
+  std::vector<Landmark> landmarks_;
+  Eigen::MatrixXd covariance_; // capacity; the top left size() x size() is in use
+};
+
+} // namespace vi_ekf_slam::invariant

@@ -1,0 +1,166 @@
+#include "vi_ekf_slam/core/invariant/state.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
+#include "vi_ekf_slam/core/so3.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+
+} // namespace
+
+State::State(const Prior& prior) : covariance_(Eigen::MatrixXd::Zero(kLandmarks + 300, kLandmarks + 300)) {
+  auto variances = covariance_.diagonal();
+  variances.segment<6>(kPosition) = prior.pose_sigma.cwiseAbs2();
+  variances.segment<6>(kTwist) = prior.twist_sigma.cwiseAbs2();
+  variances.segment<6>(kBias) = prior.bias_sigma.cwiseAbs2();
+}
+
+void State::propagate(double dt, const ProcessNoise& noise) {
+  const Eigen::Index n = size();
+  const Vector6d step = dt * twist_;
+  const Matrix6d B = dt * pose_.adjoint() * se3::leftJacobian(step);
+
+  // (xi, e) += G dnu with G = [B; [m]x B_R], where B_R is what dnu does to xi_R.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> G(n, 6);
+  G.setZero();
+  G.topRows<6>() = B;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    G.middleRows<3>(offsetOf(i)).noalias() = so3::hat(landmarks_[i].position) * B.bottomRows<3>();
+  }
+  // White noise on nu's derivative over the step: Q dt on nu, Q dt / 3 on the step's mean twist, Q dt / 2
+  // between the two.
+  const Vector6d Q = dt * noise.twist_density.cwiseAbs2();
+  auto P = covariance_.topLeftCorner(n, n);
+  Matrix6d mean_covariance = P.block<6, 6>(kTwist, kTwist);
+  mean_covariance.diagonal() += Q / 3.0;
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> half = P.middleCols<6>(kTwist) + 0.5 * G * mean_covariance;
+  P.noalias() += G * half.transpose();
+  P.noalias() += half * G.transpose();
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> cross = G * (0.5 * Q).asDiagonal();
+  P.middleCols<6>(kTwist) += cross;
+  P.middleRows<6>(kTwist) += cross.transpose();
+  P.diagonal().segment<6>(kTwist) += Q;
+  P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
+  pose_ = (pose_ * SE3::Exp(step)).normalized();
+}
+
+std::optional<double> State::correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& S,
+                                     const Eigen::VectorXd& innovation, const SE3* cam_T_imu) {
+  const Eigen::LLT<Eigen::MatrixXd> llt(S);
+  if (llt.info() != Eigen::Success) return std::nullopt;
+  const Eigen::VectorXd weighted = llt.solve(innovation);
+  const double nis = innovation.dot(weighted);
+  const Eigen::VectorXd error = HP.transpose() * weighted;
+  if (!(nis >= 0.0) || !error.allFinite()) return std::nullopt;
+  // P - K H P = P - A^T A with A = L^-1 H P: symmetric by construction.
+  llt.matrixL().solveInPlace(HP);
+  if (!HP.allFinite()) return std::nullopt;
+  auto P = covariance_.topLeftCorner(size(), size());
+  P.selfadjointView<Eigen::Lower>().rankUpdate(HP.transpose(), -1.0);
+  P.triangularView<Eigen::StrictlyUpper>() = P.transpose();
+  retract(error, cam_T_imu);
+  return nis;
+}
+
+/// Moves the mean by the error. What was learned is mostly recent (this step's motion, a landmark's depth),
+/// so the world-axes form of the error is small and is what moves pose and landmarks: dp = xi_p + xi_R x p,
+/// d = e + xi_R x m. Rotating everything about the world's far origin instead, as the group's own retraction
+/// does, is the same to first order, but leaves second-order errors that all have one sign and grow with the
+/// distance driven.
+///
+/// A landmark before the camera is moved in (x/z, y/z, 1/z) of the camera, where pixels are linear, and its
+/// error is re-expressed at the new point so that its covariance in those coordinates is unchanged: with
+/// straight coordinates the noise of far points' depth turns into a bias of scale.
+void State::retract(const Eigen::VectorXd& error, const SE3* cam_T_imu) {
+  const Eigen::Vector3d xi_p = error.segment<3>(kPosition), xi_R = error.segment<3>(kRotation);
+  pose_ = SE3(so3::Exp(xi_R) * pose_.rotation(), pose_.translation() + xi_p + xi_R.cross(pose_.translation()))
+              .normalized();
+  twist_ += error.segment<6>(kTwist);
+  bias_ += error.segment<6>(kBias);
+  const SE3 cam_T_world = cam_T_imu ? *cam_T_imu * pose_.inverse() : SE3();
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    Eigen::Vector3d& m = landmarks_[i].position;
+    const Eigen::Vector3d d = error.segment<3>(offsetOf(i)) + xi_R.cross(m);
+    const Eigen::Vector3d q = cam_T_world * m;
+    if (!cam_T_imu || !InverseDepth::isDefined(q)) {
+      m += d;
+      continue;
+    }
+    const Eigen::Matrix3d& R = cam_T_world.rotation();
+    const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
+    m = cam_T_world.inverse() * moved;
+    transport(i, R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R);
+  }
+}
+
+/// Re-expresses a landmark's error relative to the body: (e - xi_p) <- M (e - xi_p).
+void State::transport(std::size_t landmark, const Eigen::Matrix3d& M) {
+  const Eigen::Index n = size(), j = offsetOf(landmark);
+  Rows3 rows = covariance_.block(j, 0, 3, n);
+  const auto position = covariance_.block(kPosition, 0, 3, n);
+  rows = (position + M * (rows - position)).eval();
+  // The block on the diagonal has the landmark on both sides: M acts from the right as well.
+  const Eigen::Matrix3d with_position = rows.middleCols<3>(kPosition);
+  const Eigen::Matrix3d own = (rows.middleCols<3>(j) - with_position) * M.transpose() + with_position;
+  rows.middleCols<3>(j) = 0.5 * (own + own.transpose());
+  covariance_.block(j, 0, 3, n) = rows;
+  covariance_.block(0, j, n, 3) = rows.transpose();
+}
+
+void State::reserve(Eigen::Index size) {
+  if (size <= covariance_.rows()) return;
+  const Eigen::Index used = this->size();
+  Eigen::MatrixXd larger(2 * size, 2 * size);
+  larger.topLeftCorner(used, used) = covariance_.topLeftCorner(used, used);
+  covariance_.swap(larger);
+}
+
+void State::addLandmark(FeatureId id, const Eigen::Vector3d& position, const Eigen::Matrix3d& noise) {
+  const Eigen::Index n = size();
+  reserve(n + 3);
+  covariance_.block(n, 0, 3, n) = covariance_.block(kPosition, 0, 3, n);
+  covariance_.block(0, n, n, 3) = covariance_.block(0, kPosition, n, 3);
+  covariance_.block<3, 3>(n, n) = covariance_.block<3, 3>(kPosition, kPosition) + noise;
+  landmarks_.push_back({id, position, 1});
+}
+
+void State::removeLandmark(std::size_t index) {
+  const Eigen::Index n = size(), last = n - 3, gone = offsetOf(index);
+  if (gone != last) {
+    const Rows3 rows = covariance_.block(last, 0, 3, n);
+    const Eigen::Matrix3d own = rows.middleCols<3>(last);
+    covariance_.block(gone, 0, 3, n) = rows;
+    covariance_.block(0, gone, n, 3) = rows.transpose();
+    covariance_.block<3, 3>(gone, gone) = own;
+    landmarks_[index] = landmarks_.back();
+  }
+  landmarks_.pop_back();
+}
+
+void State::forgetTwist(Eigen::Index row, const Eigen::Vector3d& sigma) {
+  covariance_.block(row, 0, 3, size()).setZero();
+  covariance_.block(0, row, size(), 3).setZero();
+  covariance_.diagonal().segment<3>(row) = sigma.cwiseAbs2();
+}
+
+Matrix6d State::poseCovariance() const {
+  Matrix6d J = Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = -so3::hat(pose_.translation());
+  return J * covariance_.topLeftCorner<6, 6>() * J.transpose();
+}
+
+Eigen::Matrix3d State::landmarkCovariance(std::size_t index) const {
+  const Eigen::Index j = offsetOf(index);
+  const Eigen::Matrix3d M = so3::hat(landmarks_[index].position);
+  const Eigen::Matrix3d cross = M * covariance_.block<3, 3>(kRotation, j);
+  const Eigen::Matrix3d rotation = M * covariance_.block<3, 3>(kRotation, kRotation) * M.transpose();
+  return covariance_.block<3, 3>(j, j) + rotation - cross - cross.transpose();
+}
+
+} // namespace vi_ekf_slam::invariant

@@ -1,0 +1,79 @@
+#include "vi_ekf_slam/core/invariant/stereo_update.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3]), z[2]}; }
+
+Eigen::Index rowsOf(const std::vector<Observation>& observations) {
+  return 3 * static_cast<Eigen::Index>(observations.size());
+}
+
+} // namespace
+
+std::optional<Observation> StereoModel::observe(const State& state, std::size_t landmark,
+                                                const StereoPixels& pixels) const {
+  const SE3 cam_T_world = rig_.cam_T_imu * state.pose().inverse();
+  const Eigen::Vector3d q = cam_T_world * state.landmarks()[landmark].position;
+  if (!(q.z() >= min_depth_m_)) return std::nullopt;
+  const Eigen::Matrix<double, 4, 3> by_point = rig_.camera.projectJacobian(q);
+  Eigen::Matrix3d J;
+  J << by_point.row(0), by_point.row(1), by_point.row(2);
+  Observation observation;
+  observation.landmark = landmark;
+  observation.innovation = reduced(pixels) - reduced(rig_.camera.project(q));
+  observation.jacobian = J * cam_T_world.rotation();
+  return observation;
+}
+
+Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
+                                             const std::vector<Observation>& observations) const {
+  const auto P = state.covariance();
+  Eigen::MatrixXd HP(rowsOf(observations), state.size());
+  Eigen::Index row = 0;
+  for (const Observation& o : observations) {
+    HP.middleRows<3>(row).noalias() =
+        o.jacobian * (P.middleRows<3>(State::offsetOf(o.landmark)) - P.middleRows<3>(kPosition));
+    row += 3;
+  }
+  return HP;
+}
+
+Eigen::MatrixXd StereoModel::innovationCovariance(const std::vector<Observation>& observations,
+                                                  const Eigen::MatrixXd& HP) const {
+  Eigen::MatrixXd S(HP.rows(), HP.rows());
+  Eigen::Index row = 0;
+  for (const Observation& o : observations) {
+    S.middleCols<3>(row).noalias() =
+        (HP.middleCols<3>(State::offsetOf(o.landmark)) - HP.middleCols<3>(kPosition)) *
+        o.jacobian.transpose();
+    S.block<3, 3>(row, row) += noise();
+    row += 3;
+  }
+  return S;
+}
+
+Eigen::Matrix3d StereoModel::noise() const {
+  const double variance = pixel_sigma_ * pixel_sigma_;
+  return Eigen::Vector3d(variance, 0.5 * variance, variance).asDiagonal();
+}
+
+std::optional<StereoModel::Sighting> StereoModel::triangulate(const State& state, const StereoPixels& pixels,
+                                                              double max_depth_m) const {
+  const auto q = rig_.camera.triangulate(pixels);
+  if (!q || q->z() < min_depth_m_ || q->z() > max_depth_m) return std::nullopt;
+  const SE3 world_T_cam = state.pose() * rig_.cam_T_imu.inverse();
+  const Eigen::Matrix<double, 3, 4> J =
+      pixel_sigma_ * world_T_cam.rotation() * rig_.camera.triangulateJacobian(pixels);
+  return Sighting{world_T_cam * *q, J * J.transpose()};
+}
+
+Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {
+  Eigen::VectorXd innovations(rowsOf(observations));
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    innovations.segment<3>(3 * static_cast<Eigen::Index>(i)) = observations[i].innovation;
+  }
+  return innovations;
+}
+
+} // namespace vi_ekf_slam::invariant
