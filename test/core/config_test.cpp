@@ -58,8 +58,8 @@ TEST_P(Refused, WithSourceKeyValueAndWhatIsAllowed) {
 INSTANTIATE_TEST_SUITE_P(
     Values, Refused,
     ::testing::Values(
-        BadValue{"estimator: kalman", "estimator", "kalman", "one of paper"},
-        BadValue{"estimator: ~", "estimator", "~", "one of paper"},
+        BadValue{"estimator: kalman", "estimator", "kalman", "one of invariant, paper"},
+        BadValue{"estimator: ~", "estimator", "~", "one of invariant, paper"},
         BadValue{"buffer: {max_delay_s: 0}", "buffer.max_delay_s", "0", "> 0 and <= 60"},
         BadValue{"buffer: {max_delay_s: 61}", "buffer.max_delay_s", "61", "> 0 and <= 60"},
         BadValue{"buffer: {max_delay_s: fast}", "buffer.max_delay_s", "fast", "a finite number"},
