@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Switch off one part of the estimator at a time and tabulate what it costs on the real drives; see --help."""
 
 import argparse

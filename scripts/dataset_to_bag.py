@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Convert a drive (.npz) to a bag; see --help."""
 
 import sys

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Convert a drive (.npz) to a bag with fewer features, gaps or traffic; see --help."""
 
 import sys

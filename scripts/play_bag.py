@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Plays a bag for slam_node and ends when the node has answered all of it.
 
 A thin shell around `rosbag play`: nothing is lost, because the player waits for its listeners and never drops, and the

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Draw what the program monte_carlo wrote; see --help."""
 
 import sys

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Draw a run of run_bag and print its errors; see --help."""
 
 import sys

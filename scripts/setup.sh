@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs what is missing (Debian 12) or uses the ROS that is there (Noetic), then builds into build/.
+# Installs what is missing (Debian 12) or uses the ROS that is there (Noetic), then builds into build/ and links the
+# programs into bin/, where rosrun looks.
 # Does nothing where all is in place. Afterwards: source build/devel/setup.bash
 # JOBS=N limits the build to N jobs (default: all cores).
 
@@ -77,6 +78,36 @@ build_package() {
   quietly cmake --build "$build" -j"${JOBS:-$(nproc)}"
 }
 
+# Rosrun overlooks what is below a package's own build/ (it finds the scripts in scripts/), so the programs get links in
+# bin/. A devel space anywhere else needs none: there the links, which belong to build/, stay as they are.
+link_programs() {
+  local folder="$root/bin" programs file link target changed=()
+  programs="$(cd "$build" && pwd)/devel/lib/vi_ekf_slam"
+  case "$programs" in "$root"/build/*) ;; *) return 0 ;; esac
+  mkdir -p "$folder"
+  for link in "$folder"/*; do
+    file="$programs/${link##*/}"
+    if [ -L "$link" ] && ! is_program "$file"; then
+      rm "$link"
+      changed+=("-${link##*/}")
+    fi
+  done
+  for file in "$programs"/*; do
+    is_program "$file" || continue
+    link="$folder/${file##*/}"
+    target="../${file#"$root"/}"
+    [ "$(readlink "$link" || true)" != "$target" ] || continue
+    [ ! -e "$link" ] || [ -L "$link" ] || fail "$link is in the way: it is to be a link to $target"
+    ln -sfn "$target" "$link"
+    changed+=("+${file##*/}")
+  done
+  [ "${#changed[@]}" -eq 0 ] || say "links in bin/ for rosrun: ${changed[*]}"
+}
+
+# Whether the file is an executable of the linker's, not a script.
+is_program() { [ -f "$1" ] && [ -x "$1" ] && [ "$(head -c 4 "$1" | tail -c 3)" = ELF ]; }
+
 find_ros
 build_package
+link_programs
 say "ready: source ${build#"$PWD"/}/devel/setup.bash"

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Simulate a drive as a dataset (.npz) with its truth; see --help."""
 
 import sys

@@ -1,0 +1,81 @@
+"""Rosrun finds each program of the package exactly once in the devel space that is sourced."""
+
+import os
+import shutil
+import subprocess
+
+import pytest
+from conftest import ROOT, script_path
+
+PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node"]
+SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "play_bag.py", "plot_monte_carlo.py", "plot_run.py",
+           "simulate_dataset.py"]
+NODES = ["slam_node", "play_bag.py"]  # have no --help: they would wait for a master
+
+pytestmark = pytest.mark.skipif(shutil.which("rosrun") is None, reason="NOT RUN: rosrun is not installed")
+
+
+def devel_space():
+    """The space among those sourced that holds the package."""
+    for space in os.environ.get("CMAKE_PREFIX_PATH", "").split(os.pathsep):
+        if os.path.isfile(os.path.join(space, "lib", "vi_ekf_slam", "run_bag")):
+            return os.path.realpath(space)
+    pytest.skip("NOT RUN: no space that is sourced holds the programs")
+
+
+def rosrun(*arguments):
+    """What it prints; nobody answers should it ask which of several is meant."""
+    done = subprocess.run(["rosrun"] + list(arguments), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
+    assert done.returncode == 0 and "[rosrun]" not in done.stdout, done.stdout
+    return done.stdout
+
+
+@pytest.fixture(autouse=True)
+def space():
+    """The devel space; skips where rosrun cannot find programs because setup.sh, which links them, was not used."""
+    found = devel_space()
+    inside = found.startswith(os.path.join(os.path.realpath(ROOT), "build") + os.sep)
+    if inside and not os.path.isdir(os.path.join(ROOT, "bin")):
+        pytest.skip("NOT RUN: there is no bin/, because the package was not built by scripts/setup.sh")
+    return found
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_is_found_once_and_is_that_of_the_devel_space(space, name):
+    found = rosrun("--prefix", "echo", "vi_ekf_slam", name).splitlines()
+    assert [os.path.realpath(path) for path in found] == [os.path.join(space, "lib", "vi_ekf_slam", name)]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_a_script_is_found_once(name):
+    assert [os.path.basename(path) for path in rosrun("--prefix", "echo", "vi_ekf_slam", name).splitlines()] == [name]
+
+
+@pytest.mark.parametrize("name", [name for name in PROGRAMS + SCRIPTS if name not in NODES])
+def test_it_starts(name):
+    assert "usage: " in rosrun("vi_ekf_slam", name, "--help").lower()
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_roslaunch_takes_the_program_of_the_devel_space(space, name):
+    from roslib.packages import find_node
+    assert os.path.realpath(find_node("vi_ekf_slam", name)[0]) == os.path.join(space, "lib", "vi_ekf_slam", name)
+
+
+@pytest.mark.parametrize("name", [name for name in SCRIPTS if name not in NODES])
+def test_a_script_does_not_use_a_python_that_happens_to_be_first_on_the_path(tmp_path, name):
+    other = tmp_path / "python3"  # pyenv, conda, a virtual environment: none has the ROS packages
+    other.write_text("#!/bin/sh\nexit 9\n")
+    other.chmod(0o755)
+    environment = dict(os.environ, PATH=str(tmp_path) + os.pathsep + os.environ["PATH"])
+    subprocess.run([script_path(name), "--help"], stdout=subprocess.DEVNULL, check=True, timeout=60, env=environment)
+
+
+def test_bin_holds_a_relative_link_to_each_program(space):
+    folder = os.path.join(ROOT, "bin")
+    if not os.path.isdir(folder) or not space.startswith(os.path.realpath(ROOT) + os.sep):
+        pytest.skip("the devel space that is sourced needs no links")
+    links = {name: os.readlink(os.path.join(folder, name)) for name in os.listdir(folder)}
+    assert sorted(links) == PROGRAMS
+    assert not any(os.path.isabs(target) for target in links.values())
