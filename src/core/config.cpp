@@ -58,6 +58,8 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("consensus_px", Range::positive(), invariant.consensus_px);
   section.read("gate", Range::positive(), invariant.gate);
   section.read("frame_gate", Range::positive(), invariant.frame_gate);
+  section.read("plausible_gate", Range::positive(), invariant.plausible_gate);
+  section.read("motion_gate", Range::positive(), invariant.motion_gate);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
   section.read("scale_significance", Range::positive(), invariant.scale_significance);
   section.read("map_min_observations", Range::closed(1.0, 1e6), invariant.map_min_observations);

@@ -166,7 +166,7 @@ bool InvariantEstimator::updateWithConsensus(const std::vector<Observation>& obs
   const Eigen::MatrixXd S = model_->innovationCovariance(observations, HP);
   if (config_.consensus) {
     const double threshold = 4.0 * config_.consensus_px * config_.consensus_px;
-    used = largestConsensus(observations, S, model_->noise(), threshold);
+    used = largestConsensus(observations, S, model_->noise(), threshold, config_.plausible_gate);
   } else {
     for (std::size_t i = 0; i < observations.size(); ++i) {
       const auto row = 3 * static_cast<Eigen::Index>(i);
@@ -193,6 +193,10 @@ bool InvariantEstimator::updateWithConsensus(const std::vector<Observation>& obs
   const Eigen::LLT<Eigen::MatrixXd> llt(S_used);
   const double nis = innovation.dot(llt.solve(innovation));
   if (!(nis <= config_.frame_gate * static_cast<double>(rows))) return false;
+  // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
+  const Vector6d twist_correction = HP_used.middleCols<6>(kTwist).transpose() * llt.solve(innovation);
+  const Eigen::LLT<Matrix6d> twist_covariance(state_.covariance().block<6, 6>(kTwist, kTwist));
+  if (!(twist_correction.dot(twist_covariance.solve(twist_correction)) <= config_.motion_gate)) return false;
   const auto corrected = state_.correct(std::move(HP_used), S_used, innovation, &model_->rig().cam_T_imu);
   if (!corrected) return false;
   report.nis += *corrected;

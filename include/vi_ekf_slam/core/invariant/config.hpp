@@ -30,11 +30,16 @@ struct InvariantConfig {
   double consensus_px = 2.0; ///< px, RMS residual of the four coordinates up to which a feature agrees
   double gate = 11.345;      ///< chi-square limit with 3 degrees of freedom for a single feature (99 %)
   double frame_gate = 5.0;   ///< NIS per degree of freedom beyond which a whole frame is impossible
+  /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all.
+  double plausible_gate = 30.0;
+  /// Limit of the twist's correction by a frame, squared and in units of its prior covariance (6 degrees of
+  /// freedom), beyond which the frame is impossible.
+  double motion_gate = 60.0;
 
   /// Standard deviation of the error of scale in what the pair sees (baseline, lagging tracks), before
   /// anything was compared with the measured velocity; 0: the scale is taken as right.
-  double scale_sigma = 0.02;
-  double scale_significance = 4.0; ///< sigmas beyond which an error of scale is proven, and corrected
+  double scale_sigma = 0.03;
+  double scale_significance = 3.5; ///< sigmas beyond which an error of scale is proven, and corrected
 
   std::size_t map_min_observations = 3; ///< of a landmark that has left, to stay in the map
   std::size_t map_max_landmarks =
