@@ -58,7 +58,13 @@ DriveOptions studyOptions(MotionModel motion) {
   options.motion = motion;
   if (motion == MotionModel::kCarDrive) return options;
   options.duration = 100.0;
-  options.gyro_bias_sigma = 0.01;
+  // The default filter's own model of motion and biases: any other would test the model, not the filter.
+  const InvariantConfig filter;
+  options.noise_forward = filter.twist_density[0];
+  options.noise_lateral = filter.twist_density[1];
+  options.noise_vertical = filter.twist_density[2];
+  options.noise_rotation = filter.twist_density[3];
+  options.gyro_bias_sigma = filter.prior_bias_sigma[3];
   options.outlier_fraction = options.stale_fraction = 0.0;
   options.moving_objects = 0;
   return options;

@@ -38,7 +38,7 @@ std::size_t checkPointFrame(double share, std::size_t frames);
 
 /// How a Monte Carlo study moves unless told otherwise. kCarDrive: the simulator's defaults (two laps with
 /// wrong matches, other cars and stale frames). kProcessModel: 100 s with white noise alone, a sensor for
-/// which a filter's model can be exactly right: normal gyro biases of 0.01 rad/s, no wrong matches, no other
+/// which the default filter's model is exactly right: its densities and gyro biases, no wrong matches, no other
 /// cars, no stale frames.
 DriveOptions studyOptions(MotionModel motion);
 
