@@ -175,7 +175,7 @@ bool InvariantEstimator::updateWithConsensus(const std::vector<Observation>& obs
     }
   }
   const std::vector<Observation> agreeing = chosen(observations, used);
-  if (agreeing.empty()) return true;
+  if (agreeing.empty()) return false;
   const auto rows = 3 * static_cast<Eigen::Index>(agreeing.size());
   Eigen::MatrixXd HP_used(rows, HP.cols()), S_used(rows, rows);
   std::vector<Eigen::Index> from;
