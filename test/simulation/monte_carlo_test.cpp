@@ -11,6 +11,7 @@ namespace {
 
 Config deadReckoning() {
   Config config;
+  config.estimator = EstimatorType::kPaper;
   config.paper.mode = PaperMode::kDeadReckoning;
   return config;
 }
