@@ -23,16 +23,22 @@ std::string describe(const YAML::Node& node) {
   return value;
 }
 
-// yaml-cpp before 0.7 descends into nested nodes without a bound and overflows the stack. Nesting takes a
-// bracket or a character of its line for each level, so bounding both bounds it.
+// yaml-cpp before 0.7 descends into nested nodes without a bound and overflows the stack. Each level takes a
+// bracket or a character of a line's beginning (indentation, "- ", "? "), so bounding both bounds it.
 constexpr std::size_t kMaxNesting = 1000;
 
 bool mayNestDeeply(const std::string& yaml) {
-  std::size_t brackets = 0, column = 0, longest = 0;
+  std::size_t brackets = 0, leading = 0, longest = 0;
+  bool at_beginning = true;
   for (const char c : yaml) {
     if (c == '[' || c == '{') ++brackets;
-    column = c == '\n' ? 0 : column + 1;
-    longest = std::max(longest, column);
+    if (c == '\n') {
+      at_beginning = true;
+      leading = 0;
+    } else if (at_beginning) {
+      at_beginning = c == ' ' || c == '\t' || c == '-' || c == '?' || c == ':';
+      longest = std::max(longest, ++leading);
+    }
   }
   return brackets > kMaxNesting || longest > kMaxNesting;
 }
@@ -105,7 +111,8 @@ YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
 
 YamlSection YamlSection::root(const std::string& yaml, const std::string& source) {
   if (mayNestDeeply(yaml)) {
-    throw ConfigError(source + ": not readable as YAML: a line of more than " + std::to_string(kMaxNesting) +
+    throw ConfigError(source + ": not readable as YAML: an indentation of more than " +
+                      std::to_string(kMaxNesting) +
                       " characters or more than as many '[' and '{' are not allowed");
   }
   try {

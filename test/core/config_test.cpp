@@ -328,4 +328,13 @@ TEST(Range, ContainsItsClosedEndsAndNotItsOpenOnes) {
 }
 
 } // namespace
+// The node writes all its parameters on one line.
+TEST(Config, AcceptsALongLine) {
+  std::string list = "0.5";
+  for (int i = 0; i < 5; ++i) list += ", 0.50000000000000000";
+  std::string yaml = "{estimator: invariant, invariant: {twist_density: [" + list + "]}, ros: {note: '";
+  yaml += std::string(5000, 'x') + "'}}";
+  EXPECT_EQ(parseConfig(yaml, "x", {"ros"}).invariant.twist_density, Vector6d::Constant(0.5));
+}
+
 } // namespace vi_ekf_slam
