@@ -104,8 +104,11 @@ link_programs() {
   [ "${#changed[@]}" -eq 0 ] || say "links in bin/ for rosrun: ${changed[*]}"
 }
 
-# Whether the file is an executable of the linker's, not a script.
-is_program() { [ -f "$1" ] && [ -x "$1" ] && [ "$(head -c 4 "$1" | tail -c 3)" = ELF ]; }
+# Whether the file is an executable of the linker's, not a script, and not one of the tests beside the programs.
+is_program() {
+  case "$1" in *_test) return 1 ;; esac
+  [ -f "$1" ] && [ -x "$1" ] && [ "$(head -c 4 "$1" | tail -c 3)" = ELF ]
+}
 
 find_ros
 build_package
