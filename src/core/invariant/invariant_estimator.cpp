@@ -191,10 +191,11 @@ bool InvariantEstimator::updateWithConsensus(const std::vector<Observation>& obs
   }
   const Eigen::VectorXd innovation = stackInnovations(agreeing);
   const Eigen::LLT<Eigen::MatrixXd> llt(S_used);
-  const double nis = innovation.dot(llt.solve(innovation));
+  const Eigen::VectorXd weighted = llt.solve(innovation);
+  const double nis = innovation.dot(weighted);
   if (!(nis <= config_.frame_gate * static_cast<double>(rows))) return false;
   // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
-  const Vector6d twist_correction = HP_used.middleCols<6>(kTwist).transpose() * llt.solve(innovation);
+  const Vector6d twist_correction = HP_used.middleCols<6>(kTwist).transpose() * weighted;
   const Eigen::LLT<Matrix6d> twist_covariance(state_.covariance().block<6, 6>(kTwist, kTwist));
   if (!(twist_correction.dot(twist_covariance.solve(twist_correction)) <= config_.motion_gate)) return false;
   const auto corrected = state_.correct(std::move(HP_used), S_used, innovation, &model_->rig().cam_T_imu);
