@@ -1,7 +1,6 @@
 """Command line of plot_monte_carlo.py: the picture of what the program monte_carlo wrote."""
 
 import argparse
-import csv
 import os
 import sys
 
@@ -12,6 +11,7 @@ matplotlib.use("Agg")  # files only; a machine without a display must do
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
+from vi_ekf_slam.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.errors import InputError  # noqa: E402
 from vi_ekf_slam.output_file import check_output, replacing  # noqa: E402
 
@@ -20,21 +20,6 @@ FRAME_COLUMNS = ("time", "nees", "nees_rotation", "nees_position", "nis_per_dof"
                  "dead_reckoning_rmse", "bound_low_6", "bound_high_6", "bound_low_3", "bound_high_3")
 SEED_COLUMNS = ("seed", "nis_per_dof", "yaw_variance_fall", "position_rmse", "dead_reckoning_rmse")
 NEES_LIMITS = (0.5, 500.0)  # axis; what is far outside is wrong by more than the eye needs to measure
-
-
-def read_columns(path, names):
-    """Columns `names` of a CSV file with a header line, as {name: (N,) floats}."""
-    try:
-        with open(path, encoding="ascii", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason))
-    if not rows or any(name not in rows[0] for name in names):
-        raise InputError("%s: allowed: at least one row with the columns %s" % (path, ", ".join(names)))
-    try:
-        return {name: np.array([float(row[name]) for row in rows]) for name in names}
-    except (TypeError, ValueError):
-        raise InputError("%s: holds something that is no number" % path)
 
 
 def draw(frames, seeds, title):

@@ -1,4 +1,4 @@
-"""Read the directory that run_bag writes: trajectories, landmark map and summary."""
+"""Read the directory that run_bag writes: trajectories, covariances, frame reports, landmark map and summary."""
 
 import csv
 import os
@@ -6,10 +6,14 @@ import os
 import numpy as np
 import yaml
 
+from vi_ekf_slam.csv_columns import read_columns
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.pose_files import read_tum
 
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
+FRAME_COLUMNS = ("stamp", "features", "used", "rejected", "landmarks", "frame_rejected", "nis", "nis_dof")
+FRAME_TIME = "update_ms"  # wall time in ms that the estimator took for the frame
+COVARIANCE_COLUMNS = ["xyzabc"[row] + "xyzabc"[column] for row in range(6) for column in range(row, 6)]
 
 
 class Run:
@@ -91,3 +95,31 @@ def read_summary(path):
     if not isinstance(summary, dict):
         raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
     return summary
+
+
+def read_covariances(path, stamps):
+    """covariance.csv -> (N, 6, 6), one for each of the trajectory's stamps (N,), or None when there is no such file.
+
+    Order: x, y, z (m), rotations about the world's axes (rad).
+    """
+    if not os.path.exists(path):
+        return None
+    columns = read_columns(path, ["stamp"] + COVARIANCE_COLUMNS)
+    if not np.array_equal(columns["stamp"], stamps):
+        raise InputError("%s: its %d stamps are not the %d of trajectory.tum, allowed: a line for each pose"
+                         % (path, len(columns["stamp"]), len(stamps)))
+    result = np.empty((len(stamps), 6, 6))
+    for name, row, column in zip(COVARIANCE_COLUMNS, *np.triu_indices(6)):
+        result[:, row, column] = result[:, column, row] = columns[name]
+    return result
+
+
+def read_frames(path):
+    """frames.csv -> {column: (F,) floats}; None when there is no such file or no frame in it.
+
+    FRAME_TIME is among the columns only where the file has it.
+    """
+    if not os.path.exists(path):
+        return None
+    columns = read_columns(path, FRAME_COLUMNS, optional=[FRAME_TIME], allow_empty=True)
+    return columns if len(columns["stamp"]) else None

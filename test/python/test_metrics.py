@@ -7,7 +7,8 @@ from conftest import data_file
 from vi_ekf_slam.dataset import load_dataset
 from vi_ekf_slam.dead_reckoning import dead_reckon
 from vi_ekf_slam.geometry import make_transform, se3_exp, so3_exp
-from vi_ekf_slam.metrics import absolute_trajectory_error, kitti_errors, left_camera_poses, rigid_alignment
+from vi_ekf_slam.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_errors, kitti_segments,
+                                 left_camera_poses, pairs_ahead, relative_pose_errors, rigid_alignment)
 from vi_ekf_slam.pose_files import read_pose_file
 
 
@@ -78,6 +79,59 @@ def test_kitti_starts_every_tenth_frame():
 def test_kitti_errors_of_a_short_drive_are_undefined():
     errors = kitti_errors(*[straight_drive(50, 1.0)] * 2)
     assert errors.count == 0 and np.isnan(errors.t_rel) and np.isnan(errors.r_rel)
+
+
+def test_kitti_segments_are_kept_apart_by_length():
+    # The same example: 100 m, of which 1.1 m are wrong, from frames 0 and 10; 200 m, 2.1 m wrong, from frame 0.
+    segments = kitti_segments(straight_drive(31, 10.1), straight_drive(31, 10.0), lengths=(100.0, 200.0), step=10)
+    assert np.allclose(segments, [[100, 0.011, 0], [200, 0.0105, 0], [100, 0.011, 0]], atol=1e-7)
+
+
+def test_anchored_error_by_hand():
+    # The same places 10 m apart, but the estimate believes at first that it faces 60 deg to the left: seen from its start
+    # the rest lies on the third side of an equilateral triangle, 10 m and 20 m off. Aligned it would be perfect.
+    truth = straight_drive(3, 10.0)
+    estimate = truth.copy()
+    estimate[0, :3, :3] = so3_exp([0, 0, np.pi / 3])
+    world = se3_exp([3, -2, 1, 0.3, 0.2, 2.0])
+    assert np.allclose(anchored_errors(world @ estimate, truth), [0.0, 10.0, 20.0])
+    assert absolute_trajectory_error(world @ estimate, truth) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_distance_is_along_the_way():
+    assert np.allclose(distances(np.array([[0.0, 0, 0], [3.0, 4.0, 0], [3.0, 4.0, 12.0], [0.0, 0, 12.0]])), [0, 5, 17, 22])
+
+
+def test_pairs_reach_to_the_first_row_that_is_far_enough():
+    first, last = pairs_ahead(np.array([0.0, 1.0, 5.0, 6.5]), 2.0)
+    assert list(first) == [0, 1] and list(last) == [2, 2]
+    stamps = 1317386425.5 + 0.1 * np.arange(4)  # 0.2 s, give or take the rounding of such large numbers
+    first, last = pairs_ahead(stamps, 0.2)
+    assert list(first) == [0, 1] and list(last) == [2, 3]
+    assert len(pairs_ahead(stamps, 1.0)[0]) == 0
+
+
+def test_relative_pose_error_by_hand():
+    # Steps of 1 m in the truth, of 1.3 m and 0.6 m in the estimate: errors 0.3 and 0.4 m.
+    truth, estimate = straight_drive(3, 1.0), straight_drive(3, 1.0)
+    estimate[:, 0, 3] = [0.0, 1.3, 1.9]
+    errors = relative_pose_errors(estimate, truth, pairs_ahead(np.arange(3), 1))
+    assert errors.translation == pytest.approx(np.sqrt((0.09 + 0.16) / 2)) and errors.count == 2
+    assert errors.rotation == pytest.approx(0.0, abs=1e-6)
+
+
+def test_relative_pose_error_counts_rotation_and_not_the_world_frame():
+    # The estimate turns by 2 deg a frame on the spot; over two frames that is 4 deg.
+    truth = np.array([np.eye(4)] * 5)
+    estimate = np.array([se3_exp([0, 0, 0, 0, 0, np.radians(2.0 * k)]) for k in range(5)])
+    errors = relative_pose_errors(se3_exp([3, -2, 1, 0.3, 0.2, 2.0]) @ estimate, truth, pairs_ahead(np.arange(5), 2))
+    assert errors.rotation == pytest.approx(4.0) and errors.translation == pytest.approx(0.0, abs=1e-12)
+    assert errors.count == 3
+
+
+def test_relative_pose_error_of_no_pairs_is_undefined():
+    errors = relative_pose_errors(straight_drive(2, 1.0), straight_drive(2, 1.0), pairs_ahead(np.arange(2), 5))
+    assert errors.count == 0 and np.isnan(errors.translation) and np.isnan(errors.rotation)
 
 
 def test_left_camera_poses_by_hand():
