@@ -32,3 +32,18 @@ def replacing(path):
     finally:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(part)
+
+
+def make_directory(path):
+    """Make a directory and its parents unless it is there."""
+    try:
+        os.makedirs(path, exist_ok=True)
+    except OSError as reason:
+        raise InputError("%s: cannot be made: %s" % (path, reason.strerror))
+
+
+def write_text(path, text):
+    """Check `path` and replace it with the text."""
+    check_output(path)
+    with replacing(path) as stream:
+        stream.write(text.encode("utf-8"))

@@ -1,10 +1,11 @@
-"""Draw a run from above: trajectories, truth and the landmark map."""
+"""Draw runs from above: trajectories, truth and the landmark map with its covariances."""
 
 import matplotlib
 
 matplotlib.use("Agg")  # files only; a machine without a display must do
 
 import numpy as np  # noqa: E402
+from matplotlib.collections import LineCollection  # noqa: E402
 from matplotlib.colors import LogNorm  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: E402
@@ -13,6 +14,12 @@ MARGIN = 0.12  # of the trajectories' larger extent, around them
 MIN_MARGIN = 10.0  # m
 MIN_ASPECT = 0.45  # of height to width or width to height, for straight drives
 LONG_SIDE = 9.0  # inch
+CELLS = 26  # along the longer side of the view; a cell holds at most one ellipse
+ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100)
+SIGMAS_95 = 2.4477  # a plane normal distribution lies within so many standard deviations with 95 %
+TRUTH_STYLE = {"color": "black", "linewidth": 2.6, "zorder": 3}
+DEAD_RECKONING_STYLE = {"color": "tab:gray", "linewidth": 1.4, "linestyle": "--", "zorder": 4}
+SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
 
 
 def view_limits(trajectories):
@@ -36,26 +43,30 @@ def count_outside(points, limits):
     return int(np.sum(~((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max))))
 
 
-def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations):
+def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None):
     """The picture of a run as a matplotlib Figure.
 
-    slam, dead_reckoning: (N, 3) positions in m; truth: the same or None. landmarks: (L, 3) m, deviations: (L,)
-    horizontal standard deviations in m, one colour each.
+    slam: (N, 3) positions in m; dead_reckoning, truth: the same or None. landmarks: (L, 3) m, deviations: (L,)
+    horizontal standard deviations in m, one colour each. covariances: (L, 3, 3) m^2 for ellipses, or None.
     """
-    trajectories = [t for t in (slam, dead_reckoning, truth) if t is not None]
-    limits = view_limits(trajectories)
+    lines = [("truth", truth, TRUTH_STYLE), ("dead reckoning", dead_reckoning, DEAD_RECKONING_STYLE),
+             ("SLAM", slam, SLAM_STYLE)]
+    return draw_trajectories(title, [line for line in lines if line[1] is not None], landmarks, deviations, covariances)
+
+
+def draw_trajectories(title, lines, landmarks=(), deviations=(), covariances=None):
+    """Trajectories over landmarks as a Figure. lines: (label, (N, 3) positions in m, style); the last has the start."""
+    limits = view_limits([positions for _, positions, _ in lines])
     width, height = (high - low for low, high in limits)
     scale = LONG_SIDE / max(width, height)
     figure = Figure(figsize=(scale * width + 2.5, scale * height + 1.8), dpi=130)
     axes = figure.add_subplot()
     if len(landmarks):
-        _draw_landmarks(figure, axes, landmarks, deviations, limits)
-    if truth is not None:
-        axes.plot(truth[:, 0], truth[:, 1], color="black", linewidth=2.6, label="truth", zorder=3)
-    axes.plot(dead_reckoning[:, 0], dead_reckoning[:, 1], color="tab:gray", linewidth=1.4, linestyle="--",
-              label="dead reckoning", zorder=4)
-    axes.plot(slam[:, 0], slam[:, 1], color="tab:red", linewidth=1.4, label="SLAM", zorder=5)
-    axes.plot(slam[0, 0], slam[0, 1], color="tab:red", marker="o", markersize=6, markeredgecolor="white",
+        _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits)
+    for label, positions, style in lines:
+        axes.plot(positions[:, 0], positions[:, 1], label=label, **style)
+    start = lines[-1][1][0]
+    axes.plot(start[0], start[1], color="tab:red", marker="o", markersize=6, markeredgecolor="white",
               linestyle="none", label="start", zorder=6)
     axes.set_aspect("equal")
     axes.set_xlim(*limits[0])
@@ -69,6 +80,23 @@ def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations):
     return figure
 
 
+def spread_out(points, deviations, limits, cell):
+    """Indices of one point for each occupied square of side `cell` (m) in the view: that of the median deviation."""
+    (x_min, x_max), (y_min, y_max) = limits
+    inside = np.flatnonzero((points[:, 0] >= x_min) & (points[:, 0] <= x_max) & (points[:, 1] >= y_min)
+                            & (points[:, 1] <= y_max))
+    squares = {}
+    for k in inside[np.argsort(deviations[inside], kind="stable")]:
+        squares.setdefault(tuple(np.floor((points[k, :2] - (x_min, y_min)) / cell).astype(int)), []).append(k)
+    return np.array(sorted(members[(len(members) - 1) // 2] for members in squares.values()), dtype=int)
+
+
+def enlargement(deviations, cell):
+    """By how much ellipses must be enlarged to be seen: most of them then keep within a square of side `cell` (m)."""
+    room = 0.5 * cell / (SIGMAS_95 * float(np.percentile(deviations, 80.0)))
+    return max([factor for factor in ENLARGEMENTS if factor <= room], default=1)
+
+
 def save(figure, stream, kind):
     """Write the figure as `kind` ("png" or "svg"); the tight box keeps every label inside the picture."""
     # No date and no random ids: the same run gives the same file.
@@ -76,13 +104,14 @@ def save(figure, stream, kind):
         figure.savefig(stream, format=kind, bbox_inches="tight", metadata={"Date": None} if kind == "svg" else None)
 
 
-def _draw_landmarks(figure, axes, landmarks, deviations, limits):
+def _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits):
     usable = np.isfinite(deviations) & (deviations > 0.0)
     outside = count_outside(landmarks, limits)
     if usable.any():
         low, high = np.percentile(deviations[usable], [2.0, 98.0])
+        norm = LogNorm(low, max(high, 1.01 * low))
         points = axes.scatter(landmarks[usable, 0], landmarks[usable, 1], c=deviations[usable], s=5, linewidths=0,
-                              cmap="viridis_r", norm=LogNorm(low, max(high, 1.01 * low)), zorder=2, rasterized=True)
+                              cmap="viridis_r", norm=norm, zorder=2, rasterized=True)
         bar = figure.colorbar(points, ax=axes, shrink=0.8, pad=0.02, extend="both")
         bar.set_label("landmarks: horizontal standard deviation (m)")
         bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -91,8 +120,28 @@ def _draw_landmarks(figure, axes, landmarks, deviations, limits):
     note = "%d landmarks" % len(landmarks)
     if outside:
         note += ", %d of them outside this view" % outside
+    if covariances is not None and usable.any():
+        note += "\n" + _draw_ellipses(axes, landmarks[usable], deviations[usable], covariances[usable], limits, norm)
     if not usable.all():
         note += ", %d without a valid variance not drawn" % int(np.sum(~usable))
     axes.annotate(note, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 6), textcoords="offset points",
                   fontsize=8, zorder=7,
                   bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
+
+
+def _draw_ellipses(axes, landmarks, deviations, covariances, limits, norm):
+    """95 % ellipses of landmarks far enough apart to be told from each other; returns the sentence that says so."""
+    cell = max(high - low for low, high in limits) / CELLS
+    chosen = spread_out(landmarks, deviations, limits, cell)
+    factor = enlargement(deviations[chosen], cell) if len(chosen) else 1
+    chosen = chosen[SIGMAS_95 * factor * deviations[chosen] <= cell]  # a larger one would cover its neighbours
+    variances, directions = np.linalg.eigh(covariances[chosen][:, :2, :2])
+    roots = directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]  # root root^T is the covariance
+    turn = np.linspace(0.0, 2.0 * np.pi, 49)
+    circle = SIGMAS_95 * factor * np.array([np.cos(turn), np.sin(turn)])
+    outlines = landmarks[chosen, None, :2] + np.swapaxes(roots @ circle, 1, 2)
+    ellipses = LineCollection(outlines, cmap="viridis_r", norm=norm, linewidths=0.9, zorder=2.5)
+    ellipses.set_array(deviations[chosen])
+    axes.add_collection(ellipses)
+    return "ellipses: 95 %% of %d landmarks, spread over the view%s" % (
+        len(chosen), ", enlarged %d times" % factor if factor > 1 else "")

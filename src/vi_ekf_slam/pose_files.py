@@ -6,7 +6,8 @@ import numpy as np
 
 from vi_ekf_slam import checks
 from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import make_transform, nearest_rotation, quaternion_to_rotation, rotation_error
+from vi_ekf_slam.geometry import (make_transform, nearest_rotation, quaternion_to_rotation, rotation_error,
+                                  rotation_to_quaternion)
 
 KITTI_COLUMNS, TUM_COLUMNS = 12, 8
 ROTATION_TOLERANCE = 1e-3  # largest entry of |R^T R - I| and of | |q| - 1 |; KITTI's text keeps six digits
@@ -31,6 +32,17 @@ def read_tum(path):
         raise InputError("%s: has %d columns, allowed: the %d of `stamp tx ty tz qx qy qz qw`"
                          % (path, KITTI_COLUMNS, TUM_COLUMNS))
     return stamps, poses
+
+
+def tum_line(stamp, pose):
+    """One line of a TUM file without its end. stamp: s, as text or number; pose: 3 x 4 or 4 x 4."""
+    numbers = np.concatenate([pose[:3, 3], rotation_to_quaternion(pose[:3, :3])])
+    return " ".join([stamp if isinstance(stamp, str) else "%.9f" % stamp] + ["%.12g" % n for n in numbers])
+
+
+def kitti_line(pose):
+    """One line of a KITTI file without its end: the upper 3 x 4 of a transform, row by row."""
+    return " ".join("%.12g" % n for n in np.ravel(pose[:3]))
 
 
 def _read_rows(path):

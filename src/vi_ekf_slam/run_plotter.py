@@ -5,11 +5,11 @@ import os
 import sys
 
 from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.evaluation import anchor_truth, describe, evaluate
+from vi_ekf_slam.evaluation import anchor_truth, describe, evaluate, title_of_errors
 from vi_ekf_slam.output_file import check_output, replacing
-from vi_ekf_slam.pose_files import read_pose_file
+from vi_ekf_slam.run_inputs import find_truth, read_bag
 from vi_ekf_slam.run_io import read_run
-from vi_ekf_slam.truth import BODIES, load_truth
+from vi_ekf_slam.truth import BODIES
 
 EXIT_REFUSED = 2
 
@@ -39,12 +39,9 @@ def plot_run(options):
         raise InputError("--truth-body needs --truth")
     run = read_run(options.run, options.dead_reckoning)
     outputs = _outputs(options)
-    reference = None
-    if options.bag:
-        from vi_ekf_slam.bag_reader import read_reference  # needs ROS, the rest does not
-        reference = read_reference(options.bag)
+    reference = read_bag(options.bag)
     cam_T_imu = reference.cam_T_imu if reference else None
-    truth = _truth(options, run, reference, cam_T_imu)
+    truth = find_truth(options.truth, options.truth_body, run.stamps, reference)
 
     title, truth_line = _name(options), None
     if truth:
@@ -52,7 +49,7 @@ def plot_run(options):
         dead = evaluate(run.dead_stamps, run.dead_poses, truth, cam_T_imu)
         print(describe("slam", slam))
         print(describe("dead reckoning", dead))
-        title += "\nATE %.2f m, dead reckoning %.2f m (aligned; drawn from a common start)" % (slam.ate, dead.ate)
+        title += "\n" + title_of_errors(slam, dead)
         truth_line = anchor_truth(truth, run.stamps, run.poses)[:, :3, 3]
 
     from vi_ekf_slam import plotting  # matplotlib is slow to load; complain about inputs first
@@ -73,16 +70,6 @@ def _outputs(options):
     for path, _ in outputs:
         check_output(path)
     return outputs
-
-
-def _truth(options, run, reference, cam_T_imu):
-    if not options.truth:
-        return reference.truth if reference else None
-    is_kitti = read_pose_file(options.truth)[0] is None
-    if is_kitti and reference is None:
-        raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag is "
-                         "needed for both" % options.truth)
-    return load_truth(options.truth, reference.frame_stamps if is_kitti else run.stamps, cam_T_imu, options.truth_body)
 
 
 def _name(options):

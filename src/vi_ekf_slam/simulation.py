@@ -14,8 +14,9 @@ from tqdm import tqdm
 
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB
 from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import inverse, make_transform, rotation_to_quaternion
+from vi_ekf_slam.geometry import inverse, make_transform
 from vi_ekf_slam.output_file import check_output, replacing
+from vi_ekf_slam.pose_files import tum_line
 
 PROGRAM = "simulate_drive"
 EXIT_REFUSED = 2
@@ -125,8 +126,7 @@ def camera_rows(drive):
 def imu_lines(drive):
     """TUM lines of the IMU's true poses."""
     for stamp, pose in zip(drive["stamp"], drive["world_T_imu"]):
-        numbers = np.concatenate([pose[:, 3], rotation_to_quaternion(pose[:, :3])])
-        yield "%d.%09d %s" % (stamp // NANOSECONDS, stamp % NANOSECONDS, " ".join("%.12g" % n for n in numbers))
+        yield tum_line("%d.%09d" % (stamp // NANOSECONDS, stamp % NANOSECONDS), pose)
 
 
 def report(drive, arrays, paths):

@@ -86,3 +86,40 @@ def save(tmp_path):
         np.savez(path, **arrays)
         return path
     return write
+
+
+LANDMARK_HEADER = "id,x,y,z,xx,xy,xz,yy,yz,zz"
+TRUE_POSITIONS = [(5.0 * k, 0.2 * k * k, 0.0) for k in range(8)]
+
+
+def tum(positions):
+    """TUM lines of bodies that do not turn, at the stamps of drive()."""
+    return "".join("%.9f %.9f %.9f %.9f 0 0 0 1\n" % (t, *p) for t, p in zip(drive()["time_stamps"][0], positions))
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run directory whose SLAM is right and whose dead reckoning is bent."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "trajectory.tum").write_text(tum(TRUE_POSITIONS))
+    (folder / "dead_reckoning.tum").write_text(tum([(5.0 * k, 0.5 * k * k, 0.0) for k in range(8)]))
+    (folder / "landmarks.csv").write_text(
+        LANDMARK_HEADER + "\n7,20,5,1,0.04,0,0,0.01,0,0.09\n8,10,-4,0,2,1,0.5,2,0.25,3\n9,5000,0,0,100,0,0,100,0,100\n")
+    (folder / "summary.yaml").write_text("estimator: invariant\nframes: 8\n")
+    return folder
+
+
+@pytest.fixture
+def bag(save, tmp_path):
+    """The bag of drive() with the truth of `run`."""
+    from vi_ekf_slam.converter import main as convert
+    truth = tmp_path / "truth.tum"
+    truth.write_text(tum(TRUE_POSITIONS))
+    path = str(tmp_path / "drive.bag")
+    assert convert([save(drive()), path, "--quiet", "--truth", str(truth)]) == 0
+    return path
+
+
+def is_png(path):
+    return open(str(path), "rb").read(8) == b"\x89PNG\r\n\x1a\n"

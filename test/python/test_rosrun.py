@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT, script_path
 
 PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node"]
-SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "play_bag.py", "plot_monte_carlo.py", "plot_run.py",
+SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "play_bag.py", "plot_monte_carlo.py", "plot_run.py",
            "simulate_dataset.py"]
 NODES = ["slam_node", "play_bag.py"]  # have no --help: they would wait for a master
 

@@ -4,37 +4,16 @@ import os
 
 import numpy as np
 import pytest
-from conftest import drive
+from conftest import LANDMARK_HEADER as HEADER
+from conftest import TRUE_POSITIONS, drive, is_png, tum
 
 from vi_ekf_slam import plotting
-from vi_ekf_slam.converter import main as convert
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.evaluation import anchor_truth, evaluate
 from vi_ekf_slam.geometry import inverse, make_transform, se3_exp
 from vi_ekf_slam.run_io import read_run
 
-HEADER = "id,x,y,z,xx,xy,xz,yy,yz,zz"
 STAMPS = drive()["time_stamps"][0]
-
-
-def tum(positions):
-    return "".join("%.9f %.9f %.9f %.9f 0 0 0 1\n" % (t, *p) for t, p in zip(STAMPS, positions))
-
-
-TRUE_POSITIONS = [(5.0 * k, 0.2 * k * k, 0.0) for k in range(8)]
-
-
-@pytest.fixture
-def run(tmp_path):
-    """A run directory whose SLAM is right and whose dead reckoning is bent."""
-    folder = tmp_path / "run"
-    folder.mkdir()
-    (folder / "trajectory.tum").write_text(tum(TRUE_POSITIONS))
-    (folder / "dead_reckoning.tum").write_text(tum([(5.0 * k, 0.5 * k * k, 0.0) for k in range(8)]))
-    (folder / "landmarks.csv").write_text(
-        HEADER + "\n7,20,5,1,0.04,0,0,0.01,0,0.09\n8,10,-4,0,2,1,0.5,2,0.25,3\n9,5000,0,0,100,0,0,100,0,100\n")
-    (folder / "summary.yaml").write_text("estimator: invariant\nframes: 8\n")
-    return folder
 
 
 def test_a_run_is_read(run):
@@ -135,20 +114,6 @@ def test_picture_says_what_it_shows(run):
     assert figure.axes[0].get_aspect() in ("equal", 1.0) and figure.axes[0].get_xlabel() == "x (m)"
     figure = plotting.draw_run("drive", slam, dead, None, data.landmarks[:0], np.zeros(0))
     assert texts(figure) == ["drive", "dead reckoning", "SLAM", "start"]
-
-
-@pytest.fixture
-def bag(save, tmp_path):
-    """A bag whose recorded truth is the run's trajectory."""
-    truth = tmp_path / "truth.tum"
-    truth.write_text(tum(TRUE_POSITIONS))
-    path = str(tmp_path / "drive.bag")
-    assert convert([save(drive()), path, "--quiet", "--truth", str(truth)]) == 0
-    return path
-
-
-def is_png(path):
-    return open(str(path), "rb").read(8) == b"\x89PNG\r\n\x1a\n"
 
 
 def test_plot_run_prints_errors_and_writes_pictures(script, run, bag):

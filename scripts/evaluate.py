@@ -1,0 +1,9 @@
+#!/usr/bin/python3
+"""Judge runs of run_bag or trajectory files: table, evaluation.json and pictures; see --help."""
+
+import sys
+
+from vi_ekf_slam.run_evaluator import main
+
+if __name__ == "__main__":
+    sys.exit(main())
