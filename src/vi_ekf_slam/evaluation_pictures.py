@@ -52,7 +52,7 @@ def pictures_of_comparison(results):
     dead = next((r for r in alike if r.subject.dead_reckoning), None)
     if dead is not None:
         lines.append(("dead reckoning", anchor_truth(dead.subject.dead_reckoning, *origin)[:, :3, 3],
-                      plotting.DEAD_RECKONING_STYLE))
+                      plotting.DEAD_RECKONING_ON_TOP))
     for result, style in zip(alike, evaluation_plots.line_styles(len(alike))):
         subject = result.subject
         lines.append((subject.name, anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3], style))

@@ -10,7 +10,7 @@ from matplotlib.ticker import ScalarFormatter  # noqa: E402
 
 from vi_ekf_slam.consistency import POSE_AXES, chi_square_bounds  # noqa: E402
 from vi_ekf_slam.metrics import KITTI_LENGTHS, mean_kitti_errors  # noqa: E402
-from vi_ekf_slam.plotting import DEAD_RECKONING_STYLE, SLAM_STYLE  # noqa: E402
+from vi_ekf_slam.plotting import DEAD_RECKONING_ON_TOP, SLAM_STYLE  # noqa: E402
 from vi_ekf_slam.run_io import FRAME_TIME  # noqa: E402
 
 NEES_FLOOR = 0.1  # of the axis; below it an error is of no interest
@@ -149,7 +149,7 @@ def line_styles(count):
 
 def drift_lines(dead_reckoning, runs):
     """The lines of draw_drift: one dead reckoning or None, then (label, Evaluation) of each run."""
-    lines = [("dead reckoning", dead_reckoning, DEAD_RECKONING_STYLE)] if dead_reckoning is not None else []
+    lines = [("dead reckoning", dead_reckoning, DEAD_RECKONING_ON_TOP)] if dead_reckoning is not None else []
     return lines + [(label, evaluation, style) for (label, evaluation), style in zip(runs, line_styles(len(runs)))]
 
 

@@ -19,6 +19,7 @@ ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100)
 SIGMAS_95 = 2.4477  # a plane normal distribution lies within so many standard deviations with 95 %
 TRUTH_STYLE = {"color": "black", "linewidth": 2.6, "zorder": 3}
 DEAD_RECKONING_STYLE = {"color": "tab:gray", "linewidth": 1.4, "linestyle": "--", "zorder": 4}
+DEAD_RECKONING_ON_TOP = dict(DEAD_RECKONING_STYLE, zorder=5.5)  # beside runs that may be equal to it
 SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
 
 
