@@ -1,8 +1,6 @@
 """Command line of dataset_to_bag.py."""
 
 import argparse
-import contextlib
-import signal
 import sys
 
 from tqdm import tqdm
@@ -13,11 +11,11 @@ from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.extrinsic import READINGS
 from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
+from vi_ekf_slam.stop_signals import signals_unwind
 from vi_ekf_slam.summary import summarise
 from vi_ekf_slam.truth import BODIES, load_truth
 
 EXIT_REFUSED = 2
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s
 
@@ -104,27 +102,11 @@ def _write(options, dataset, repair, truth):
         print("wrote: %s, %d messages" % (options.output, count))
 
 
-@contextlib.contextmanager
-def _signals_unwind():
-    """Inside the block SIGINT, SIGTERM and SIGHUP end the program by an exception, so that clean-up runs."""
-    def stop(signum, _frame):
-        for number in STOP_SIGNALS:  # the clean-up itself must not be interrupted
-            signal.signal(number, signal.SIG_IGN)
-        raise SystemExit(128 + signum)
-
-    previous = [(number, signal.signal(number, stop)) for number in STOP_SIGNALS]
-    try:
-        yield
-    finally:
-        for number, handler in previous:
-            signal.signal(number, handler)
-
-
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
     options = make_parser().parse_args(argv)
     try:
-        with _signals_unwind():
+        with signals_unwind():
             convert(options)
     except InputError as reason:
         print("error: %s" % reason, file=sys.stderr)
