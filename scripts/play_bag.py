@@ -23,6 +23,8 @@ INPUTS = MEASUREMENTS + ("left/camera_info", "right/camera_info", "/tf", "/tf_st
 # What the node itself sends, and what belongs to the recording session, is not played again.
 NOT_PLAYED = ("odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud", "/clock", "/diagnostics",
               "/diagnostics_agg", "/rosout", "/rosout_agg")
+# A recorder that has not subscribed by then (wall time) will not.
+WAIT_S = 30.0
 # Nothing moved for this long (wall time): the bag is over and what the node has not answered it will not answer.
 QUIET_S = 5.0
 
@@ -116,6 +118,20 @@ class Player:
                 self.process.wait()
 
 
+def wait_for_listener(name):
+    """Waits until the node of this name listens to the odometry, so that it misses nothing."""
+    node, topic = rospy.resolve_name(name), rospy.resolve_name("odometry")
+    master = rosgraph.Master(rospy.get_name())
+    end = time.monotonic() + WAIT_S
+    while not rospy.is_shutdown():
+        listeners = dict(master.getSystemState()[1]).get(topic, [])
+        if node in listeners:
+            return
+        if time.monotonic() > end:
+            raise PlayError("%s does not listen to %s; listeners: %s" % (node, topic, ", ".join(listeners) or "none"))
+        time.sleep(0.1)
+
+
 def play(path, rate):
     """Plays to the end. Returns the exit code."""
     player = Player(path, rate)
@@ -141,7 +157,10 @@ def main():
         rate = float(rospy.get_param("~rate", 1.0))
         if not 0.0 < rate < float("inf"):
             raise PlayError("~rate is %s; it must be a positive number" % rate)
-        return play(find_bag(str(rospy.get_param("~bag"))), rate)
+        bag = find_bag(str(rospy.get_param("~bag")))
+        if rospy.has_param("~wait_for"):
+            wait_for_listener(str(rospy.get_param("~wait_for")))
+        return play(bag, rate)
     except KeyError:
         rospy.logfatal("play_bag: the parameter ~bag is missing")
     except (PlayError, ValueError, rosgraph.MasterException) as error:
