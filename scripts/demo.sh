@@ -87,7 +87,7 @@ run="$output/run"
 log="$output/launch.log"
 rm -rf "$run"
 mkdir -p "$run"
-arguments=("bag:=$output/$name.bag" rviz:=false "output_dir:=$run" "rate:=${RATE:-4}")
+arguments=("bag:=$output/$name.bag" record:=true "output_dir:=$run" "rate:=${RATE:-4}")
 [ -z "${CONFIG:-}" ] || arguments+=("config:=$(realpath "$CONFIG")")
 say "playing the bag through the node (log: $log)"
 roslaunch -p "$port" vi_ekf_slam slam.launch "${arguments[@]}" >"$log" 2>&1 </dev/null &
@@ -108,4 +108,15 @@ plot=("$python" "$root/scripts/plot_run.py" "$run" --bag "$output/$name.bag" --n
 [ ! -f "$truth" ] || plot+=(--truth "$truth")
 say "result"
 "${plot[@]}"
-printf 'dataset: %s\nbag:     %s\nresults: %s\npicture: %s\n' "$dataset" "$output/$name.bag" "$run" "$picture"
+# What rviz shows of it. All that is missing without rviz or a virtual screen is this picture.
+view="$output/${name}_rviz.png"
+rm -f "$view"
+if command -v Xvfb >/dev/null && "$python" -c 'from rviz import bindings' 2>/dev/null; then
+  say "playing the outputs into rviz"
+  "$python" "$root/scripts/render_rviz.py" "$run/outputs.bag" "$view" --view top --rate 8 --quiet
+else
+  say "NO PICTURE FROM RVIZ: Xvfb or rviz's Python module is missing (Debian: xvfb python3-rviz)"
+  view="none"
+fi
+printf 'dataset: %s\nbag:     %s\nresults: %s\npicture: %s\nrviz:    %s\n' "$dataset" "$output/$name.bag" "$run" \
+  "$picture" "$view"
