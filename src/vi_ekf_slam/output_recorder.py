@@ -32,6 +32,7 @@ class OutputRecorder:
         self.lock = threading.Lock()
         self.bag = rosbag.Bag(path + ".active", "w")
         self.written = {}  # topic: time at which a thinned one was last written
+        self.early = []  # [(topic, message)] that came before the time did
         self.held = {}  # topic: (message, time) that was not written, newer than what was
         self.subscribers = [self._subscribe(rospy.resolve_name(name), name in THINNED) for name in TOPICS + THINNED]
 
@@ -42,17 +43,24 @@ class OutputRecorder:
         """Writes it, or holds it back when the topic is thinned and was written a moment ago."""
         topic, thinned = subscription
         now = rospy.get_rostime()
-        if now == rospy.Time():  # simulated time that has not begun; a bag has no time 0
-            now = rospy.Time(0, 1)
         with self.lock:
             if self.bag is None:
                 return
+            if now == rospy.Time():  # simulated time has not begun
+                self.early.append((topic, message))
+                return
+            self._write_early(now)
             since = (now - self.written[topic]).to_sec() if topic in self.written else None
             period = max(THINNED_PERIOD_S, len(message._buff) / THINNED_BYTES_PER_S)
             if thinned and since is not None and 0.0 <= since < period:
                 self.held[topic] = message, now
                 return
             self._write(topic, message, now)
+
+    def _write_early(self, time):
+        for topic, message in self.early:
+            self._write(topic, message, time)
+        self.early = []
 
     def _write(self, topic, message, time):
         header = dict(message._connection_header, topic=topic)
@@ -64,6 +72,7 @@ class OutputRecorder:
     def close(self):
         """Writes what was held back and gives the bag its name."""
         with self.lock:
+            self._write_early(rospy.Time(0, 1))  # only if time never began; a bag has no time 0
             for topic, (message, time) in list(self.held.items()):
                 self._write(topic, message, time)
             self.bag.close()
