@@ -17,7 +17,7 @@ TOPICS = ("/tf", "/tf_static", "odometry", "pose", "/ground_truth/pose", "/diagn
 # Each message holds all of the path or of the map so far. They are written so often only that the bag grows steadily.
 THINNED = ("path", "dead_reckoning/path", "/ground_truth/path", "landmarks", "landmark_cloud")
 THINNED_PERIOD_S = 0.9  # at least; less than the second between two maps
-THINNED_BYTES_PER_S = 1e5  # of each topic
+THINNED_BYTES_PER_S = 5e4  # of each topic
 QUEUE = 10000
 
 

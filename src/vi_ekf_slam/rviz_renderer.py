@@ -106,7 +106,8 @@ class Playback:
         self.options, self.session, self.player, self.offer, self.folder = options, session, player, offer, folder
         self.pictures = []
         self.published = {}  # topic: type, of all that was ever published
-        self.limit = time.monotonic() + (offer.end - offer.start) / options.rate + SLACK_S
+        self.limit_s = (offer.end - offer.start) / options.rate + SLACK_S
+        self.end = time.monotonic() + self.limit_s
 
     def run(self, log, bar):
         """Until the bag is over; pictures for the animation meanwhile."""
@@ -116,8 +117,8 @@ class Playback:
                 raise RvizError("the player ended with code %d: %s" % (code, _last_lines(log)))
             if code == 0 or now > self.offer.end:
                 return
-            if time.monotonic() > self.limit:
-                raise RvizError("the bag is not over after %.0f s: %s" % (self.limit, _last_lines(log)))
+            if time.monotonic() > self.end:
+                raise RvizError("the bag is not over after %.0f s: %s" % (self.limit_s, _last_lines(log)))
             self.published.update(published_topics(self.session.environment))
             share = (now - self.offer.start) / max(self.offer.end - self.offer.start, 1e-9)
             bar.update(max(0, int(100 * share) - bar.n))
@@ -161,7 +162,8 @@ def complaints(displays, errors, wanted, published):
         if kind != display.kind:
             found = "is published as %s" % kind if kind else \
                 "is not published; there are: %s" % (", ".join(sorted(published)) or "none")
-            lines.append("display '%s': its topic %s %s; it needs %s" % (display.name, display.topic, found, display.kind))
+            lines.append("display '%s': its topic %s %s; it needs %s"
+                         % (display.name, display.topic, found, display.kind))
     return lines + ["rviz printed: %s" % line for line in errors]
 
 

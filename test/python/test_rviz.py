@@ -76,7 +76,8 @@ def test_the_recording_is_whole_and_closed(folder):
     assert np.allclose(recorded, stamps, rtol=0.0, atol=1e-6)  # every frame, none twice
     assert len(messages["/path"]) < 20  # thinned to one a second ...
     end = messages["/path"][-1].poses[-1].pose.position
-    assert np.allclose([end.x, end.y, end.z], np.loadtxt(str(folder / "trajectory.tum"))[-1, 1:4], atol=0.2)  # ... to the end
+    last = np.loadtxt(str(folder / "trajectory.tum"))[-1, 1:4]
+    assert np.allclose([end.x, end.y, end.z], last, atol=0.2)  # ... to the end
     assert {"/tf_static", "/path", "/landmarks", "/ground_truth/path"} <= latching
 
 
@@ -129,7 +130,8 @@ def test_the_shipped_configuration_shows_a_drive(folder):
 @needs_rviz
 def test_an_exported_configuration_shows_the_recorded_outputs_of_another_robot(folder):
     rename(folder / "outputs.bag", folder / "robot1.bag")
-    succeed("export_rviz_config.py", "--output", folder / "robot1.rviz", "--bag", folder / "robot1.bag", *EXPORT_OPTIONS)
+    succeed("export_rviz_config.py", "--output", folder / "robot1.rviz", "--bag", folder / "robot1.bag",
+            *EXPORT_OPTIONS)
     succeed("render_rviz.py", folder / "robot1.bag", folder / "exported.png", "--config", folder / "robot1.rviz",
             "--size", *SIZE, "--rate", 8, "--animation", folder / "exported.gif")
     config = yaml.safe_load((folder / "robot1.rviz").read_text())
@@ -209,7 +211,8 @@ def test_a_topic_in_a_frame_without_connection_is_named(folder, tmp_path):
 def test_a_drive_is_checked_for_what_it_can_tell(folder, tmp_path):
     printed = succeed("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag")
     assert "only the IMU's frame and the truth" in printed
-    done = run("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag", "--imu-frame", "b")
+    done = run("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag",
+               "--imu-frame", "b")
     assert done.returncode == 2 and "imu_link" in done.stderr
 
 
@@ -233,7 +236,8 @@ def test_a_running_graph_is_checked(folder, tmp_path):
 @pytest.mark.parametrize("arguments, named", [
     (["missing.bag", "out.png"], "missing.bag"), (["BAG", "out.jpg"], ".png"), (["BAG", "none/out.png"], "none"),
     (["BAG", "out.png", "--rate", "0"], "--rate"), (["BAG", "out.png", "--size", "10", "600"], "WIDTH"),
-    (["BAG", "out.png", "--config", "missing.rviz"], "missing.rviz"), (["BAG", "out.png", "--animation", "a.png"], ".gif")])
+    (["BAG", "out.png", "--config", "missing.rviz"], "missing.rviz"),
+    (["BAG", "out.png", "--animation", "a.png"], ".gif")])
 def test_render_refuses_what_it_cannot_do(folder, tmp_path, arguments, named):
     arguments = [str(folder / "outputs.bag") if a == "BAG" else a if a.startswith("-") or a.isdigit() else
                  str(tmp_path / a) for a in arguments]
