@@ -152,6 +152,16 @@ def _lookup(data, keys):
     return data
 
 
+def cell(data, row, trajectory="slam"):
+    """Text of one number of to_data, "-" where it is not known. row: of ROWS; trajectory: "slam" or "dead_reckoning"."""
+    _, _, pattern, keys = row
+    if keys[0] == "both":
+        value = _lookup(data, (trajectory,) + keys[1:])
+    else:
+        value = _lookup(data, keys) if trajectory == "slam" else None
+    return "-" if value is None else pattern % value
+
+
 def table(runs):
     """Lines of text; runs: list of to_data's. A column for each trajectory, dead reckoning before SLAM.
 
@@ -164,22 +174,16 @@ def table(runs):
             columns.append((data, "dead_reckoning", "dead reckoning"))
         columns.append((data, "slam", "SLAM" if data["dead_reckoning"] is not None or data["frames"] else "trajectory"))
     cells = []
-    for text, unit, pattern, keys in ROWS:
-        row = []
-        for data, key, _ in columns:
-            if keys[0] != "both":
-                value = _lookup(data, keys) if key == "slam" else None
-            else:
-                value = _lookup(data, (key,) + keys[1:])
-            row.append("-" if value is None else pattern % value)
-        if any(cell != "-" for cell in row):
-            cells.append(["%-27s%-11s" % (text, unit)] + row)
+    for row in ROWS:
+        texts = [cell(data, row, key) for data, key, _ in columns]
+        if any(text != "-" for text in texts):
+            cells.append(["%-27s%-11s" % row[:2]] + texts)
     header = [["run"] + [data["name"] for data, _, _ in columns], [""] + [name for _, _, name in columns]]
     bodies = {data[key]["body"] for data, key, _ in columns if data[key]}
     if bodies:
         header[1][0] = "positions of the " + " or ".join(sorted(bodies))
     rows = header + cells
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = ["  ".join([row[0].ljust(widths[0])] + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:])])
+    lines = ["  ".join([row[0].ljust(widths[0])] + [text.rjust(width) for text, width in zip(row[1:], widths[1:])])
              for row in rows]
     return lines[:2] + ["-" * max(map(len, lines))] + lines[2:]

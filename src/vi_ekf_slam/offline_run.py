@@ -17,9 +17,9 @@ Judgement = namedtuple("Judgement", "slam dead_reckoning way")
 Judgement.__doc__ = """slam, dead_reckoning: evaluation.Evaluation. way: length of the true path in m."""
 
 
-def run_bag(bag, config, output):
+def run_bag(bag, config, output, *options):
     """Run run_bag on `bag` with the file `config` into the directory `output`; InputError with its complaint."""
-    done = subprocess.run([find_program("run_bag"), bag, "--config", config, "--output", output, "--quiet"],
+    done = subprocess.run([find_program("run_bag"), bag, "--config", config, "--output", output, "--quiet", *options],
                           stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True, check=False)
     if done.returncode != 0:
         raise InputError("%s: %s" % (os.path.basename(bag), done.stderr.strip() or "run_bag failed"))

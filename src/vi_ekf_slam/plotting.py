@@ -23,16 +23,17 @@ DEAD_RECKONING_ON_TOP = dict(DEAD_RECKONING_STYLE, zorder=5.5)  # beside runs th
 SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
 
 
-def view_limits(trajectories):
+def view_limits(trajectories, min_aspect=MIN_ASPECT):
     """((x_min, x_max), (y_min, y_max)) in m: the whole of every trajectory and a margin.
 
-    Trajectories alone decide, so that a landmark a kilometre away does not shrink the picture.
+    Trajectories alone decide, so that a landmark a kilometre away does not shrink the picture. min_aspect: of the
+    shorter side to the longer one.
     """
     points = np.vstack([t[:, :2] for t in trajectories])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = max(MIN_MARGIN, MARGIN * float((high - low).max()))
     half = 0.5 * (high - low) + margin
-    half = np.maximum(half, MIN_ASPECT * half.max())
+    half = np.maximum(half, min_aspect * half.max())
     centre = 0.5 * (low + high)
     return tuple((float(c - h), float(c + h)) for c, h in zip(centre, half))
 
@@ -55,15 +56,20 @@ def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covarian
     return draw_trajectories(title, [line for line in lines if line[1] is not None], landmarks, deviations, covariances)
 
 
-def draw_trajectories(title, lines, landmarks=(), deviations=(), covariances=None):
-    """Trajectories over landmarks as a Figure. lines: (label, (N, 3) positions in m, style); the last has the start."""
-    limits = view_limits([positions for _, positions, _ in lines])
+def draw_trajectories(title, lines, landmarks=(), deviations=(), covariances=None, limits=None, long_side=LONG_SIDE,
+                      colors=None):
+    """Trajectories over landmarks as a Figure. lines: (label, (N, 3) positions in m, style); the last has the start.
+
+    limits: of view_limits, and colors: of color_limits, for pictures to be compared; None: what suits this one.
+    long_side: inch, the smaller the larger is the text beside it.
+    """
+    limits = limits or view_limits([positions for _, positions, _ in lines])
     width, height = (high - low for low, high in limits)
-    scale = LONG_SIDE / max(width, height)
+    scale = long_side / max(width, height)
     figure = Figure(figsize=(scale * width + 2.5, scale * height + 1.8), dpi=130)
     axes = figure.add_subplot()
     if len(landmarks):
-        _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits)
+        _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits, colors)
     for label, positions, style in lines:
         axes.plot(positions[:, 0], positions[:, 1], label=label, **style)
     start = lines[-1][1][0]
@@ -98,19 +104,27 @@ def enlargement(deviations, cell):
     return max([factor for factor in ENLARGEMENTS if factor <= room], default=1)
 
 
-def save(figure, stream, kind):
+def save(figure, stream, kind, dpi="figure"):
     """Write the figure as `kind` ("png" or "svg"); the tight box keeps every label inside the picture."""
     # No date and no random ids: the same run gives the same file.
     with matplotlib.rc_context({"svg.hashsalt": "vi_ekf_slam"}):
-        figure.savefig(stream, format=kind, bbox_inches="tight", metadata={"Date": None} if kind == "svg" else None)
+        figure.savefig(stream, format=kind, dpi=dpi, bbox_inches="tight", metadata={"Date": None} if kind == "svg" else None)
 
 
-def _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits):
+def color_limits(deviations):
+    """Standard deviations (low, high) in m at the ends of the colours, or None where there are none to show."""
+    usable = deviations[np.isfinite(deviations) & (deviations > 0.0)]
+    if not len(usable):
+        return None
+    low, high = np.percentile(usable, [2.0, 98.0])
+    return float(low), float(max(high, 1.01 * low))
+
+
+def _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits, colors):
     usable = np.isfinite(deviations) & (deviations > 0.0)
     outside = count_outside(landmarks, limits)
     if usable.any():
-        low, high = np.percentile(deviations[usable], [2.0, 98.0])
-        norm = LogNorm(low, max(high, 1.01 * low))
+        norm = LogNorm(*(colors or color_limits(deviations)))
         points = axes.scatter(landmarks[usable, 0], landmarks[usable, 1], c=deviations[usable], s=5, linewidths=0,
                               cmap="viridis_r", norm=norm, zorder=2, rasterized=True)
         bar = figure.colorbar(points, ax=axes, shrink=0.8, pad=0.02, extend="both")
@@ -135,7 +149,10 @@ def _draw_ellipses(axes, landmarks, deviations, covariances, limits, norm):
     cell = max(high - low for low, high in limits) / CELLS
     chosen = spread_out(landmarks, deviations, limits, cell)
     factor = enlargement(deviations[chosen], cell) if len(chosen) else 1
-    chosen = chosen[SIGMAS_95 * factor * deviations[chosen] <= cell]  # a larger one would cover its neighbours
+    small = chosen[SIGMAS_95 * factor * deviations[chosen] <= cell]  # a larger one would cover its neighbours
+    if len(chosen) and not len(small):
+        return "95 %% ellipses reach farther than %.3g m and are not drawn" % cell
+    chosen = small
     variances, directions = np.linalg.eigh(covariances[chosen][:, :2, :2])
     roots = directions * np.sqrt(np.maximum(variances, 0.0))[:, None, :]  # root root^T is the covariance
     turn = np.linspace(0.0, 2.0 * np.pi, 49)

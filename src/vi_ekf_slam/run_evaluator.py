@@ -103,8 +103,13 @@ def _judge(path, name, bag, truth_file, options):
     subject = read_subject(path, name, reference, options.trajectory_body)
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
-    subject.truth = truth = find_truth(truth_file, options.truth_body, subject.stamps, reference)
-    slam = dead = consistency = None
+    subject.truth = find_truth(truth_file, options.truth_body, subject.stamps, reference)
+    return judge_subject(subject)
+
+
+def judge_subject(subject):
+    """Result of a run_inputs.Subject whose truth is known or None."""
+    truth, slam, dead, consistency = subject.truth, None, None, None
     if truth is not None:
         slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu)
         if subject.dead_reckoning:

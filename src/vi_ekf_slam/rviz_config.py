@@ -1,11 +1,9 @@
 """rviz configurations as YAML: the shipped one, which of its entries hold frames and topics, and how to change them."""
 
-import os
-
 import yaml
-from roslib.packages import InvalidROSPkgException, get_pkg_dir
 
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.package_files import package_file
 
 # rviz class: (key of the topic, its type).
 TOPIC_DISPLAYS = {
@@ -33,10 +31,7 @@ class TopicDisplay:
 
 def shipped_path():
     """Path of the shipped configuration, in the checkout or in the install space."""
-    try:
-        return os.path.join(get_pkg_dir("vi_ekf_slam"), "rviz", "vi_ekf_slam.rviz")
-    except InvalidROSPkgException as reason:
-        raise InputError("%s; source the workspace's setup.bash" % reason)
+    return package_file("rviz", "vi_ekf_slam.rviz")
 
 
 def load_config(path):
