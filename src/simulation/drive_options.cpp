@@ -83,6 +83,8 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"velocity-bias-sigma", &O::velocity_bias_sigma, 0, 10, "m/s", "constant normal bias per axis"},
       {"pixel-sigma", &O::pixel_sigma, 0, 10, "px", "white noise per coordinate"},
       {"pixel-correlation", &O::pixel_correlation, 0, 1, "", "of the noise in the left and the right image"},
+      {"drift-position", &O::drift_position, 0, 1, "m/m^0.5", "random walk of all tracks, per distance driven"},
+      {"drift-rotation", &O::drift_rotation, 0, 0.1, "rad/m^0.5", "the same, turning about the vehicle"},
       {"features-max", &O::features_max, 1, 2000, "", "tracks after the fullest re-detection"},
       {"features-min", &O::features_min, 0, 2000, "", "fewer tracks call for a re-detection"},
       {"track-median", &O::track_median, 1, 1e6, "frames", "median of the exponential track life"},

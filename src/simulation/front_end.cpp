@@ -17,6 +17,7 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
     : options_(options),
       view_(view),
       scene_(scene),
+      drift_(options),
       noise_random_(options.seed, kNoiseStream),
       track_random_(options.seed, kTrackStream),
       stale_random_(options.seed, kStaleStream) {}
@@ -27,6 +28,7 @@ FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
   const SE3 world_T_cam = cam_T_world.inverse();
   const bool first = frames_since_stale_ < 0;
   const bool stale = drawStale();
+  drift_.advance(stamp, world_T_imu);
   std::vector<Track> survivors;
   for (Track& track : tracks_) {
     if (--track.frames_left < 0) continue;
@@ -81,7 +83,7 @@ bool FrontEnd::follow(Track& track, const SE3& cam_T_world, const std::vector<Mo
     if (object == objects.end()) return false;
     track.truth.world = object->position + object->points[track.car->second];
   }
-  const Eigen::Vector3d p = cam_T_world * track.truth.world;
+  const Eigen::Vector3d p = cam_T_world * (drift_.slide() * (track.birth_inverse * track.truth.world));
   if (!view_.sees(p)) return false;
   if (!track.car && scene_.occluded(cam_T_world.inverse().translation(), track.truth.world)) return false;
   track.offset += track.slide;
@@ -99,6 +101,7 @@ bool FrontEnd::goAstray(Track& track, const SE3& world_T_cam) {
   if (!p_cam || !view_.sees(*p_cam)) return false;
   track.truth.point = next_point_++;
   track.truth.world = world_T_cam * *p_cam;
+  track.birth_inverse = drift_.slide().inverse();
   track.truth.kind = ObservationKind::kStale;
   track.scene_index.reset();
   track.car.reset();
@@ -153,6 +156,7 @@ void FrontEnd::start(Track track, const SE3& cam_T_world) {
   if (!view_.sees(p)) return;
   const StereoPixels where = view_.rig.camera.project(p) + track.offset;
   if (!view_.contains(where)) return;
+  track.birth_inverse = drift_.slide().inverse();
   const bool returning = options_.ids_return && track.scene_index;
   const auto known = returning ? known_.find(*track.scene_index) : known_.end();
   if (known != known_.end()) {

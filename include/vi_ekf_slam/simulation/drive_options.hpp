@@ -39,6 +39,8 @@ struct DriveOptions {
 
   double pixel_sigma = 0.7;       ///< px per coordinate, white in time
   double pixel_correlation = 0.0; ///< between the left and the right coordinate of one observation
+  double drift_position = 0.0; ///< m/m^0.5, root spectral density, per distance driven, of what all tracks slide
+  double drift_rotation = 0.0; ///< rad/m^0.5, and of what they turn about the vehicle
   int features_max = 115;         ///< tracks after the fullest re-detection
   int features_min = 25;          ///< fewer tracks than this call for a re-detection
   double track_median = 26.0;     ///< frames; median of the exponential track life, if nothing else ends it

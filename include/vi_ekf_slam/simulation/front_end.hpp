@@ -10,6 +10,7 @@
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"
 #include "vi_ekf_slam/simulation/scene.hpp"
+#include "vi_ekf_slam/simulation/track_drift.hpp"
 #include "vi_ekf_slam/simulation/traffic.hpp"
 
 namespace vi_ekf_slam::simulation {
@@ -55,6 +56,7 @@ class FrontEnd {
     std::optional<std::pair<std::uint64_t, std::size_t>> car; ///< moving object and the point on it
     StereoPixels offset = StereoPixels::Zero();               ///< px off the projection (outliers)
     StereoPixels slide = StereoPixels::Zero();                ///< px per frame that `offset` grows
+    SE3 birth_inverse;                                        ///< of TrackDrift::slide() when it was new
   };
 
   bool drawStale();
@@ -68,6 +70,7 @@ class FrontEnd {
   DriveOptions options_;
   View view_;
   Scene& scene_;
+  TrackDrift drift_;
   Random noise_random_, track_random_, stale_random_;
   std::vector<Track> tracks_;
   std::map<std::uint64_t, std::pair<FeatureId, std::uint64_t>>
