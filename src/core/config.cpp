@@ -60,6 +60,11 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("frame_gate", Range::positive(), invariant.frame_gate);
   section.read("plausible_gate", Range::positive(), invariant.plausible_gate);
   section.read("motion_gate", Range::positive(), invariant.motion_gate);
+  section.read("manoeuvre_density", Range::notNegative(), invariant.manoeuvre_density);
+  section.read("manoeuvre_share", Range::closed(0.5, 1.0), invariant.manoeuvre_share);
+  section.read("drift_position", Range::notNegative(), invariant.drift_position);
+  section.read("drift_rotation", Range::notNegative(), invariant.drift_rotation);
+  section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
   section.read("scale_significance", Range::positive(), invariant.scale_significance);
   section.read("map_min_observations", Range::closed(1.0, 1e6), invariant.map_min_observations);

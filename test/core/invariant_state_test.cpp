@@ -378,7 +378,7 @@ TEST(InvariantState, ForgetsTheTwist) {
     expected.middleCols<3>(row).setZero();
     const Eigen::Vector3d sigma(1.0, 2.0, 3.0);
     expected.diagonal().segment<3>(row) = sigma.cwiseAbs2();
-    state.forgetTwist(row, sigma);
+    state.forget(row, sigma);
     EXPECT_EQ(distance(state.covariance(), expected), 0.0);
   }
 }

@@ -41,7 +41,8 @@ struct FrameReport {
   std::size_t removed = 0;     ///< landmarks taken out of the state
   std::size_t landmarks = 0;   ///< in the state after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
-  /// Normalised innovation squared of the features used and its degrees of freedom; 0 where none was used.
+  /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be judged: the
+  /// mean of their ratio is 1. 0 where nothing was used.
   double nis = 0.0;
   std::size_t nis_dof = 0;
 };

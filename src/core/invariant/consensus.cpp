@@ -5,16 +5,11 @@
 namespace vi_ekf_slam::invariant {
 
 std::vector<bool> largestConsensus(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                                   const Eigen::Matrix3d& noise, double threshold, double gate) {
+                                   const Eigen::Matrix3d& noise, double threshold,
+                                   const std::vector<bool>& plausible) {
   const std::size_t count = observations.size();
   std::vector<bool> best(count, false), agrees(count, false);
   double best_score = 0.0;
-  std::vector<bool> plausible(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
-    const Eigen::Matrix3d own = S.block<3, 3>(row, row);
-    plausible[i] = observations[i].innovation.dot(own.llt().solve(observations[i].innovation)) < gate;
-  }
   for (std::size_t h = 0; h < count; ++h) {
     if (!plausible[h]) continue;
     const Eigen::Index column = 3 * static_cast<Eigen::Index>(h);

@@ -1,11 +1,11 @@
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
 
-#include "vi_ekf_slam/core/invariant/consensus.hpp"
+#include "vi_ekf_slam/core/invariant/frame_update.hpp"
+#include "vi_ekf_slam/core/invariant/twist_update.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -13,7 +13,9 @@ namespace {
 constexpr double kMaxPixel = 1e6;          // px; beyond it a coordinate is not one of an image
 constexpr std::size_t kScaleFeatures = 10; // used by the last frame, for its motion to be worth comparing
 // The world frame IS the first IMU frame; not zero, so that the covariance stays positive definite.
-constexpr double kPosePriorSigma = 1e-6; // m, rad
+constexpr double kPosePriorSigma = 1e-6;     // m, rad
+constexpr double kStandstillVelocity = 0.02; // m/s, how still a body stands whose engine runs
+constexpr double kStandstillRate = 0.002;    // rad/s
 
 Prior priorOf(const InvariantConfig& config) {
   return {Vector6d::Constant(kPosePriorSigma), config.prior_twist_sigma, config.prior_bias_sigma};
@@ -21,19 +23,14 @@ Prior priorOf(const InvariantConfig& config) {
 
 Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
 
-template <typename T>
-std::vector<T> chosen(const std::vector<T>& all, const std::vector<bool>& choice) {
-  std::vector<T> result;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (choice[i]) result.push_back(all[i]);
-  }
-  return result;
-}
-
 } // namespace
 
 InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
-    : config_(config), state_(priorOf(config)), scale_(config.scale_sigma, config.scale_significance) {}
+    : config_(config),
+      state_(priorOf(config)),
+      scale_(config.scale_sigma, config.scale_significance),
+      drift_(config.drift_position, config.drift_rotation),
+      standstill_(config.standstill_px) {}
 
 void InvariantEstimator::setRig(const StereoRig& rig) {
   model_.emplace(rig, config_.pixel_sigma, config_.min_depth_m);
@@ -44,37 +41,49 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
   if (stamp_ && stamp > *stamp_) {
     ProcessNoise noise{config_.twist_density, config_.bias_density};
     if (!config_.twist_state) noise.twist_density.setZero();
-    state_.propagate(secondsBetween(*stamp_, stamp), noise);
+    const double dt = secondsBetween(*stamp_, stamp);
+    drift_.drive(state_.pose().translation(), dt * state_.twist().head<3>().norm());
+    state_.propagate(dt, noise);
   }
   stamp_ = stamp;
 }
 
 void InvariantEstimator::process(const GyroSample& sample) {
   advanceTo(sample.stamp);
-  measureTwist(3, sample.angular_velocity, sample.covariance.value_or(isotropic(config_.gyro_sigma)));
+  const Eigen::Matrix3d noise = sample.covariance.value_or(isotropic(config_.gyro_sigma));
+  gradeBias(3, noise, config_.gyro_sigma, gyro_graded_);
+  standstill_.addGyro(sample.stamp, sample.angular_velocity - state_.bias().tail<3>(), noise,
+                      state_.covariance().block<3, 3>(kBias + 3, kBias + 3));
+  measure(3, sample.angular_velocity, noise);
+  last_gyro_ = sample;
 }
 
 void InvariantEstimator::process(const VelocitySample& sample) {
   advanceTo(sample.stamp);
   const Eigen::Matrix3d noise = sample.covariance.value_or(isotropic(config_.velocity_sigma));
+  gradeBias(0, noise, config_.velocity_sigma, velocity_graded_);
+  standstill_.addVelocity(sample.stamp, sample.linear_velocity - state_.bias().head<3>(), noise);
   if (last_used_ >= kScaleFeatures) {
     scale_.compare(sample.linear_velocity - state_.bias().head<3>(), noise, state_.twist().head<3>(),
                    state_.covariance().block<3, 3>(kTwist, kTwist));
   }
-  measureTwist(0, sample.linear_velocity, noise);
+  measure(0, sample.linear_velocity, noise);
 }
 
-/// z = nu + b + noise for three of the twist's components, `axis` 0 (linear) or 3 (angular).
-void InvariantEstimator::measureTwist(Eigen::Index axis, const Eigen::Vector3d& measured,
-                                      const Eigen::Matrix3d& noise) {
-  const Eigen::Index twist = kTwist + axis, bias = kBias + axis;
-  if (!config_.twist_state) state_.forgetTwist(twist, config_.prior_twist_sigma.segment<3>(axis));
-  const auto P = state_.covariance();
-  Eigen::MatrixXd HP = P.middleRows<3>(twist) + P.middleRows<3>(bias);
-  const Eigen::Matrix3d S = HP.middleCols<3>(twist) + HP.middleCols<3>(bias) + noise;
-  const Eigen::Vector3d innovation =
-      measured - state_.twist().segment<3>(axis) - state_.bias().segment<3>(axis);
-  state_.correct(std::move(HP), S, innovation);
+void InvariantEstimator::measure(Eigen::Index axis, const Eigen::Vector3d& measured,
+                                 const Eigen::Matrix3d& noise) {
+  if (!config_.twist_state) state_.forget(kTwist + axis, config_.prior_twist_sigma.segment<3>(axis));
+  measureTwist(state_, axis, measured, noise);
+}
+
+/// The bias that a sensor is given beforehand is that of one with the configured noise. Better sensors have
+/// smaller biases, and from one grade to the next the bias falls about as the square of the noise.
+void InvariantEstimator::gradeBias(Eigen::Index axis, const Eigen::Matrix3d& noise, double configured_sigma,
+                                   bool& done) {
+  if (done) return;
+  done = true;
+  const double ratio2 = noise.trace() / (3.0 * configured_sigma * configured_sigma);
+  if (ratio2 < 1.0) state_.forget(kBias + axis, ratio2 * config_.prior_bias_sigma.segment<3>(axis));
 }
 
 FrameReport InvariantEstimator::process(const StereoFrame& frame) {
@@ -82,32 +91,90 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   FrameReport report;
   report.stamp = frame.stamp;
   report.features = frame.features.size();
+  handleStandstill(frame);
+  forgetOutcastsNotIn(frame);
   std::vector<std::size_t> usable;
+  std::size_t outcasts_in_frame = 0;
   for (std::size_t i = 0; model_ && i < frame.features.size(); ++i) {
-    if (isUsable(frame.features[i].pixels)) usable.push_back(i);
+    if (!isUsable(frame.features[i].pixels)) continue;
+    if (outcasts_.count(frame.features[i].id)) {
+      ++outcasts_in_frame;
+    } else {
+      usable.push_back(i);
+    }
   }
-  report.invalid = report.features - usable.size();
+  report.invalid = report.features - usable.size() - outcasts_in_frame;
   if (model_) {
     model_->setBaseline(baseline_ * scale_.factor());
     std::vector<std::size_t> unknown;
     std::vector<bool> keep;
     const std::vector<Observation> observations = match(frame, usable, unknown, keep);
-    const std::vector<bool> used = update(frame, observations, report);
+    const FrameOutcome outcome =
+        FrameUpdate(config_, *model_).apply(state_, frame, observations, manoeuvreSince(last_frame_));
     for (std::size_t i = 0; i < observations.size(); ++i) {
-      if (used[i]) {
+      if (outcome.used[i]) {
         state_.countObservation(observations[i].landmark);
+        continue;
+      }
+      keep[observations[i].landmark] = false;
+      if (outcome.rejected) {
+        unknown.push_back(observations[i].feature); // nothing speaks against this one: it starts afresh
       } else {
-        // What contradicts the map may be something new under an old name: it starts afresh.
-        keep[observations[i].landmark] = false;
-        unknown.push_back(observations[i].feature);
+        // What contradicts the world once does so again (a car, a track that slides): never trusted again.
+        outcasts_.insert(frame.features[observations[i].feature].id);
       }
     }
+    report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+    report.rejected = outcasts_in_frame + observations.size() - report.used;
+    report.frame_rejected = outcome.rejected;
+    report.nis = outcome.nis;
+    report.nis_dof = outcome.nis_dof;
     remove(keep, report);
     initialise(frame, unknown, report);
   }
+  keepRotationVariance();
   last_used_ = report.used;
+  last_frame_ = frame.stamp;
   report.landmarks = state_.landmarks().size();
   return report;
+}
+
+void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
+  if (!(config_.standstill_px > 0.0)) return;
+  standstill_.addFrame(frame);
+  if (!standstill_.stands(frame.stamp)) return;
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(kStandstillVelocity), Eigen::Vector3d::Constant(kStandstillRate);
+  measureStandstill(state_, sigma);
+}
+
+/// Nothing that is measured tells how the whole world is turned, so its variance does not fall: where the
+/// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain
+/// depends on it.
+void InvariantEstimator::keepRotationVariance() {
+  const Eigen::Vector3d now = poseCovariance().diagonal().tail<3>();
+  // A hair more, so that rounding does not let it fall either.
+  const Eigen::Vector3d missing = ((1.0 + 1e-12) * rotation_variance_ - now).cwiseMax(0.0);
+  drift_.turn(state_.pose().translation(), missing);
+  rotation_variance_ = now + missing;
+}
+
+/// An id that left may come back as something else.
+void InvariantEstimator::forgetOutcastsNotIn(const StereoFrame& frame) {
+  if (outcasts_.empty()) return;
+  std::unordered_set<FeatureId> present;
+  for (const StereoFeatureObservation& feature : frame.features) {
+    if (outcasts_.count(feature.id)) present.insert(feature.id);
+  }
+  outcasts_.swap(present);
+}
+
+Manoeuvre InvariantEstimator::manoeuvreSince(std::optional<Stamp> last_frame) const {
+  Manoeuvre manoeuvre;
+  if (!last_frame || !config_.twist_state) return manoeuvre;
+  manoeuvre.dt = secondsBetween(*last_frame, *stamp_);
+  if (last_gyro_ && last_gyro_->stamp > *last_frame) manoeuvre.gyro = last_gyro_;
+  return manoeuvre;
 }
 
 bool InvariantEstimator::isUsable(const StereoPixels& pixels) const {
@@ -142,97 +209,6 @@ std::vector<Observation> InvariantEstimator::match(const StereoFrame& frame,
   return observations;
 }
 
-/// Corrects the state; returns which observations did.
-std::vector<bool> InvariantEstimator::update(const StereoFrame& frame,
-                                             const std::vector<Observation>& observations,
-                                             FrameReport& report) {
-  std::vector<bool> used(observations.size(), false);
-  if (observations.empty()) return used;
-  if (updateWithConsensus(observations, used, report)) {
-    if (config_.consensus) rescue(frame, observations, used, report);
-  } else {
-    report.frame_rejected = true;
-    used.assign(observations.size(), false);
-  }
-  report.used = static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
-  report.rejected = observations.size() - report.used;
-  return used;
-}
-
-/// False when the frame contradicts the state as a whole; then nothing was changed.
-bool InvariantEstimator::updateWithConsensus(const std::vector<Observation>& observations,
-                                             std::vector<bool>& used, FrameReport& report) {
-  const Eigen::MatrixXd HP = model_->crossCovariance(state_, observations);
-  const Eigen::MatrixXd S = model_->innovationCovariance(observations, HP);
-  if (config_.consensus) {
-    const double threshold = 4.0 * config_.consensus_px * config_.consensus_px;
-    used = largestConsensus(observations, S, model_->noise(), threshold, config_.plausible_gate);
-  } else {
-    for (std::size_t i = 0; i < observations.size(); ++i) {
-      const auto row = 3 * static_cast<Eigen::Index>(i);
-      const Eigen::Matrix3d own = S.block<3, 3>(row, row);
-      used[i] = observations[i].innovation.dot(own.llt().solve(observations[i].innovation)) < config_.gate;
-    }
-  }
-  const std::vector<Observation> agreeing = chosen(observations, used);
-  if (agreeing.empty()) return false;
-  const auto rows = 3 * static_cast<Eigen::Index>(agreeing.size());
-  Eigen::MatrixXd HP_used(rows, HP.cols()), S_used(rows, rows);
-  std::vector<Eigen::Index> from;
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (used[i]) from.push_back(3 * static_cast<Eigen::Index>(i));
-  }
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const auto to = 3 * static_cast<Eigen::Index>(i);
-    HP_used.middleRows<3>(to) = HP.middleRows<3>(from[i]);
-    for (std::size_t j = 0; j < from.size(); ++j) {
-      S_used.block<3, 3>(to, 3 * static_cast<Eigen::Index>(j)) = S.block<3, 3>(from[i], from[j]);
-    }
-  }
-  const Eigen::VectorXd innovation = stackInnovations(agreeing);
-  const Eigen::LLT<Eigen::MatrixXd> llt(S_used);
-  const Eigen::VectorXd weighted = llt.solve(innovation);
-  const double nis = innovation.dot(weighted);
-  if (!(nis <= config_.frame_gate * static_cast<double>(rows))) return false;
-  // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
-  const Vector6d twist_correction = HP_used.middleCols<6>(kTwist).transpose() * weighted;
-  const Eigen::LLT<Matrix6d> twist_covariance(state_.covariance().block<6, 6>(kTwist, kTwist));
-  if (!(twist_correction.dot(twist_covariance.solve(twist_correction)) <= config_.motion_gate)) return false;
-  const auto corrected = state_.correct(std::move(HP_used), S_used, innovation, &model_->rig().cam_T_imu);
-  if (!corrected) return false;
-  report.nis += *corrected;
-  report.nis_dof += static_cast<std::size_t>(rows);
-  return true;
-}
-
-/// Takes back the observations that pass their own gate with the updated state: the consensus is judged in
-/// pixels, and a young landmark may be honestly uncertain.
-void InvariantEstimator::rescue(const StereoFrame& frame, const std::vector<Observation>& observations,
-                                std::vector<bool>& used, FrameReport& report) {
-  std::vector<Observation> again;
-  std::vector<std::size_t> index;
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (used[i]) continue;
-    auto observation =
-        model_->observe(state_, observations[i].landmark, frame.features[observations[i].feature].pixels);
-    if (!observation) continue;
-    const std::vector<Observation> one{*observation};
-    const Eigen::Matrix3d S = model_->innovationCovariance(one, model_->crossCovariance(state_, one));
-    if (observation->innovation.dot(S.llt().solve(observation->innovation)) < config_.gate) {
-      again.push_back(*observation);
-      index.push_back(i);
-    }
-  }
-  if (again.empty()) return;
-  const Eigen::MatrixXd HP = model_->crossCovariance(state_, again);
-  const auto nis = state_.correct(HP, model_->innovationCovariance(again, HP), stackInnovations(again),
-                                  &model_->rig().cam_T_imu);
-  if (!nis) return;
-  report.nis += *nis;
-  report.nis_dof += 3 * again.size();
-  for (const std::size_t i : index) used[i] = true;
-}
-
 void InvariantEstimator::remove(const std::vector<bool>& keep, FrameReport& report) {
   for (std::size_t i = keep.size(); i-- > 0;) {
     if (keep[i]) continue;
@@ -256,15 +232,19 @@ StateEstimate InvariantEstimator::state() const {
   StateEstimate estimate;
   estimate.stamp = stamp_.value_or(0);
   estimate.world_T_imu = state_.pose();
-  estimate.pose_covariance = state_.poseCovariance();
+  estimate.pose_covariance = poseCovariance();
   estimate.twist = state_.twist();
   estimate.twist_covariance = state_.covariance().block<6, 6>(kTwist, kTwist);
   return estimate;
 }
 
+Matrix6d InvariantEstimator::poseCovariance() const {
+  return state_.poseCovariance() + drift_.ofPose(state_.pose().translation());
+}
+
 LandmarkEstimate InvariantEstimator::estimateOf(std::size_t landmark) const {
   const Landmark& l = state_.landmarks()[landmark];
-  return {l.id, l.position, state_.landmarkCovariance(landmark)};
+  return {l.id, l.position, state_.landmarkCovariance(landmark) + drift_.ofPoint(l.position)};
 }
 
 void InvariantEstimator::archive(const LandmarkEstimate& landmark) {

@@ -21,33 +21,48 @@ State::State(const Prior& prior) : covariance_(Eigen::MatrixXd::Zero(kLandmarks 
   variances.segment<6>(kBias) = prior.bias_sigma.cwiseAbs2();
 }
 
-void State::propagate(double dt, const ProcessNoise& noise) {
-  const Eigen::Index n = size();
-  const Vector6d step = dt * twist_;
-  const Matrix6d B = dt * pose_.adjoint() * se3::leftJacobian(step);
-
-  // (xi, e) += G dnu with G = [B; [m]x B_R], where B_R is what dnu does to xi_R.
-  Eigen::Matrix<double, Eigen::Dynamic, 6> G(n, 6);
-  G.setZero();
+/// How a constant error dnu of the twist over the last or next dt s moves the errors: (xi, e) += G dnu with
+/// G = [B; [m]x B_R], B = dt Ad(T) J_l(dt nu) at the step's start, B_R what dnu does to xi_R.
+State::Columns6 State::twistInfluence(double dt, const SE3& start) const {
+  const Matrix6d B = dt * start.adjoint() * se3::leftJacobian(dt * twist_);
+  Columns6 G = Columns6::Zero(size(), 6);
   G.topRows<6>() = B;
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     G.middleRows<3>(offsetOf(i)).noalias() = so3::hat(landmarks_[i].position) * B.bottomRows<3>();
   }
-  // White noise on nu's derivative over the step: Q dt on nu, Q dt / 3 on the step's mean twist, Q dt / 2
-  // between the two.
+  return G;
+}
+
+void State::propagate(double dt, const ProcessNoise& noise) {
+  const Columns6 G = twistInfluence(dt, pose_);
+  auto P = covariance_.topLeftCorner(size(), size());
+  const Matrix6d twist_covariance = P.block<6, 6>(kTwist, kTwist);
+  addTwistNoise(G, dt, noise, P.middleCols<6>(kTwist), twist_covariance);
+  pose_ = (pose_ * SE3::Exp(dt * twist_)).normalized();
+}
+
+void State::disturb(double dt, const ProcessNoise& noise) {
+  const Columns6 G = twistInfluence(dt, pose_ * SE3::Exp(-dt * twist_));
+  addTwistNoise(G, dt, noise, Columns6::Zero(size(), 6), Matrix6d::Zero());
+}
+
+/// P += [G cov(dnu) G^T and its cross terms] for a twist error that is `cross` (all errors with dnu) and
+/// `twist_covariance` at the step's start, and driven by white noise of its derivative during it: Q dt on nu,
+/// Q dt / 3 on the step's mean twist, Q dt / 2 between the two.
+void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& noise,
+                          const Columns6& cross_start, const Matrix6d& twist_covariance) {
   const Vector6d Q = dt * noise.twist_density.cwiseAbs2();
-  auto P = covariance_.topLeftCorner(n, n);
-  Matrix6d mean_covariance = P.block<6, 6>(kTwist, kTwist);
+  auto P = covariance_.topLeftCorner(size(), size());
+  Matrix6d mean_covariance = twist_covariance;
   mean_covariance.diagonal() += Q / 3.0;
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> half = P.middleCols<6>(kTwist) + 0.5 * G * mean_covariance;
+  const Columns6 half = cross_start + 0.5 * G * mean_covariance;
   P.noalias() += G * half.transpose();
   P.noalias() += half * G.transpose();
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> cross = G * (0.5 * Q).asDiagonal();
+  const Columns6 cross = G * (0.5 * Q).asDiagonal();
   P.middleCols<6>(kTwist) += cross;
   P.middleRows<6>(kTwist) += cross.transpose();
   P.diagonal().segment<6>(kTwist) += Q;
   P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
-  pose_ = (pose_ * SE3::Exp(step)).normalized();
 }
 
 std::optional<double> State::correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& S,
@@ -143,7 +158,7 @@ void State::removeLandmark(std::size_t index) {
   landmarks_.pop_back();
 }
 
-void State::forgetTwist(Eigen::Index row, const Eigen::Vector3d& sigma) {
+void State::forget(Eigen::Index row, const Eigen::Vector3d& sigma) {
   covariance_.block(row, 0, 3, size()).setZero();
   covariance_.block(0, row, size(), 3).setZero();
   covariance_.diagonal().segment<3>(row) = sigma.cwiseAbs2();

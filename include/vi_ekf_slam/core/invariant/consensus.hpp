@@ -12,8 +12,10 @@ namespace vi_ekf_slam::invariant {
 /// no more than blocks of S, and all others are judged by what is left of their innovations.
 ///
 /// `S` and `noise` are StereoModel's. `threshold` bounds the sum of the four squared pixel residuals, px^2;
-/// an observation whose normalised innovation squared exceeds `gate` takes no part. Returns, observation by observation, whether it belongs to the largest set that agrees.
+/// an observation that is not `plausible` takes no part. Returns, observation by observation, whether it
+/// belongs to the largest set that agrees.
 std::vector<bool> largestConsensus(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                                   const Eigen::Matrix3d& noise, double threshold, double gate);
+                                   const Eigen::Matrix3d& noise, double threshold,
+                                   const std::vector<bool>& plausible);
 
 } // namespace vi_ekf_slam::invariant

@@ -3,11 +3,15 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <unordered_set>
 #include <vector>
 
 #include "vi_ekf_slam/core/estimator.hpp"
 #include "vi_ekf_slam/core/invariant/config.hpp"
+#include "vi_ekf_slam/core/invariant/drift.hpp"
+#include "vi_ekf_slam/core/invariant/frame_update.hpp"
 #include "vi_ekf_slam/core/invariant/scale_monitor.hpp"
+#include "vi_ekf_slam/core/invariant/standstill.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
 
@@ -29,16 +33,16 @@ class InvariantEstimator : public Estimator {
 
  private:
   void advanceTo(Stamp stamp);
-  void measureTwist(Eigen::Index axis, const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
+  void measure(Eigen::Index axis, const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
+  void gradeBias(Eigen::Index axis, const Eigen::Matrix3d& noise, double configured_sigma, bool& done);
+  void handleStandstill(const StereoFrame& frame);
+  void forgetOutcastsNotIn(const StereoFrame& frame);
+  void keepRotationVariance();
+  Matrix6d poseCovariance() const;
+  Manoeuvre manoeuvreSince(std::optional<Stamp> last_frame) const;
   bool isUsable(const StereoPixels& pixels) const;
   std::vector<Observation> match(const StereoFrame& frame, const std::vector<std::size_t>& usable,
                                  std::vector<std::size_t>& unknown, std::vector<bool>& seen) const;
-  std::vector<bool> update(const StereoFrame& frame, const std::vector<Observation>& observations,
-                           FrameReport& report);
-  bool updateWithConsensus(const std::vector<Observation>& observations, std::vector<bool>& used,
-                           FrameReport& report);
-  void rescue(const StereoFrame& frame, const std::vector<Observation>& observations, std::vector<bool>& used,
-              FrameReport& report);
   void remove(const std::vector<bool>& keep, FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
   LandmarkEstimate estimateOf(std::size_t landmark) const;
@@ -47,10 +51,17 @@ class InvariantEstimator : public Estimator {
   InvariantConfig config_;
   State state_;
   ScaleMonitor scale_;
+  Drift drift_;
+  Eigen::Vector3d rotation_variance_ = Eigen::Vector3d::Zero(); ///< published with the last frame, rad^2
+  StandstillDetector standstill_;
   std::optional<StereoModel> model_;
   double baseline_ = 0.0; ///< m, as calibrated
   std::optional<Stamp> stamp_;
-  std::size_t last_used_ = 0; ///< features used by the last frame
+  std::optional<Stamp> last_frame_;
+  std::optional<GyroSample> last_gyro_;
+  bool gyro_graded_ = false, velocity_graded_ = false; ///< see gradeBias
+  std::unordered_set<FeatureId> outcasts_;             ///< tracks in view that contradicted the world
+  std::size_t last_used_ = 0;                          ///< features used by the last frame
   std::map<FeatureId, LandmarkEstimate> archive_;
   std::deque<FeatureId> archive_order_;
 };

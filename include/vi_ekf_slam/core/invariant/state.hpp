@@ -59,6 +59,9 @@ class State {
   /// Moves on by `dt` s: T <- T Exp(dt nu); xi and e pick up Ad(T) J_l(dt nu) dt dnu.
   void propagate(double dt, const ProcessNoise& noise);
 
+  /// The process noise of the last `dt` s alone, beyond what propagate added: the mean stays where it is.
+  void disturb(double dt, const ProcessNoise& noise);
+
   /// Kalman update. `HP` is H times the covariance (rows x size()), `S` the innovation's covariance (rows x
   /// rows), both from this state. With `cam_T_imu` landmarks before the camera are corrected in inverse depth
   /// (see retract). Returns the normalised innovation squared; nothing, and no change, when S is not positive
@@ -75,9 +78,9 @@ class State {
 
   void countObservation(std::size_t index) { ++landmarks_[index].observations; }
 
-  /// Makes three consecutive twist rows, from `row` (kTwist or kTwist + 3) on, unknown again: no correlation,
-  /// the given sigma.
-  void forgetTwist(Eigen::Index row, const Eigen::Vector3d& sigma);
+  /// Makes three consecutive rows of twist or bias, from `row` on, unknown again: no correlation, the given
+  /// sigma.
+  void forget(Eigen::Index row, const Eigen::Vector3d& sigma);
 
   /// 6x6 of (position, rotation) errors along the world axes as StateEstimate wants it: dp = xi_p - [p]x
   /// xi_R.
@@ -86,6 +89,11 @@ class State {
   Eigen::Matrix3d landmarkCovariance(std::size_t index) const;
 
  private:
+  using Columns6 = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+
+  Columns6 twistInfluence(double dt, const SE3& start) const;
+  void addTwistNoise(const Columns6& G, double dt, const ProcessNoise& noise, const Columns6& cross_start,
+                     const Matrix6d& twist_covariance);
   void retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
   void transport(std::size_t landmark, const Eigen::Matrix3d& M);
   void reserve(Eigen::Index size);
