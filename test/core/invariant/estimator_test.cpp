@@ -1,0 +1,176 @@
+#include <algorithm>
+#include <map>
+#include <set>
+#include <variant>
+
+#include "road.hpp"
+#include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+using namespace test;
+
+TEST(InvariantEstimator, FollowsAnExactDrive) {
+  Road road(1, 30, kQuiet);
+  InvariantEstimator estimator = makeEstimator();
+  double worst = 0.0, worst_rotation = 0.0;
+  for (int i = 0; i < 600; ++i) {
+    const FrameReport report = road.feed(estimator);
+    EXPECT_FALSE(report.frame_rejected);
+    EXPECT_EQ(report.rejected, 0u);
+    worst = std::max(worst, positionError(estimator, road.truth()));
+    worst_rotation = std::max(worst_rotation, rotationError(estimator, road.truth()));
+  }
+  EXPECT_LT(worst, 1e-3);
+  EXPECT_LT(worst_rotation, 1e-4);
+  EXPECT_LT(distance(estimator.state().twist, road.twist()), 1e-4);
+  for (const LandmarkEstimate& l : estimator.landmarks()) EXPECT_TRUE(l.position.allFinite());
+}
+
+TEST(InvariantEstimator, FollowsASimulatedDriveWithoutNoise) {
+  simulation::DriveOptions options;
+  options.laps = 1.0;
+  options.velocity_sigma = options.gyro_sigma = options.gyro_bias_min = options.gyro_bias_max = 0.0;
+  options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
+  options.moving_objects = 0;
+  simulation::DriveSimulator simulator(options);
+  InvariantEstimator estimator({});
+  estimator.setRig(simulator.rig());
+  double worst = 0.0;
+  std::size_t rejected = 0, frames = 0;
+  while (const auto step = simulator.next()) {
+    for (const Measurement& m : simulation::measurementsOf(*step)) {
+      std::visit([&](const auto& sample) { estimator.process(sample); }, m);
+    }
+    ++frames;
+    worst = std::max(worst, positionError(estimator, step->world_T_imu));
+    rejected += isPositiveDefinite(estimator.state().pose_covariance) ? 0 : 1;
+  }
+  EXPECT_GT(frames, 300u);
+  EXPECT_EQ(rejected, 0u);
+  RecordProperty("worst_um", static_cast<int>(1e6 * worst));
+  EXPECT_LT(
+      worst,
+      0.05); // m, of a lap of 460 m; not exact, and why is not known: exact pixels help less than one expects
+}
+
+TEST(InvariantEstimator, TakesNoFeaturesBeforeItsRig) {
+  InvariantEstimator estimator({});
+  Road road(7, 20, kTypical);
+  for (int i = 0; i < 5; ++i) {
+    const FrameReport report = road.feed(estimator);
+    EXPECT_EQ(report.features, 20u);
+    EXPECT_EQ(report.invalid, 20u);
+    EXPECT_EQ(report.landmarks, 0u);
+    EXPECT_TRUE(estimator.landmarks().empty());
+  }
+  estimator.setRig(exampleRig());
+  EXPECT_GT(road.feed(estimator).initialised, 15u);
+}
+
+TEST(InvariantEstimator, StartsAtTheIdentityWithTheFirstStamp) {
+  InvariantEstimator estimator({});
+  EXPECT_EQ(estimator.state().stamp, 0);
+  estimator.process(GyroSample{fromSeconds(5.0), {0.0, 0.0, 0.1}, {}});
+  EXPECT_EQ(estimator.state().stamp, fromSeconds(5.0));
+  EXPECT_LT(distance(estimator.state().world_T_imu.matrix(), Eigen::Matrix4d::Identity()), 1e-9);
+  EXPECT_TRUE(isPositiveDefinite(estimator.state().pose_covariance));
+}
+
+TEST(InvariantEstimator, DoesNotCareAboutTheOrderOfEqualStamps) {
+  Road road(8, 25, kTypical);
+  const Ahead start = ahead(road, 50);
+  InvariantEstimator one = start.estimator, other = start.estimator;
+  road.move();
+  const GyroSample gyro = road.gyro();
+  const VelocitySample velocity = road.velocity();
+  one.process(gyro);
+  one.process(velocity);
+  other.process(velocity);
+  other.process(gyro);
+  // Same to first order: the pose's correction is not linear.
+  EXPECT_LT(relativeDistance(one.state().pose_covariance, other.state().pose_covariance), 1e-3);
+  EXPECT_LT(relativeDistance(one.state().twist_covariance, other.state().twist_covariance), 1e-9);
+  EXPECT_LT(distance(one.state().twist, other.state().twist), 1e-9);
+  EXPECT_LT(distance(one.state().world_T_imu.matrix(), other.state().world_T_imu.matrix()), 1e-3);
+}
+
+TEST(InvariantEstimator, BoundsTheMap) {
+  InvariantConfig config;
+  config.map_max_landmarks = 40;
+  Road road(9, 20, kTypical);
+  InvariantEstimator estimator = makeEstimator(config);
+  for (int i = 0; i < 300; ++i) {
+    const FrameReport report = road.feed(estimator);
+    const auto map = estimator.landmarks();
+    EXPECT_LE(map.size(), 40 + report.landmarks);
+    EXPECT_TRUE(
+        std::is_sorted(map.begin(), map.end(),
+                       [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id < b.id; }));
+    EXPECT_EQ(
+        std::adjacent_find(map.begin(), map.end(),
+                           [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id == b.id; }),
+        map.end());
+  }
+  EXPECT_GT(estimator.landmarks().size(), 40u);
+}
+
+TEST(InvariantEstimator, KeepsOnlyWhatItSawOften) {
+  for (const std::size_t least : {1, 3, 5}) {
+    InvariantConfig config;
+    config.map_min_observations = least;
+    Road road(10, 30, kQuiet);
+    InvariantEstimator estimator = makeEstimator(config);
+    std::map<FeatureId, std::size_t> seen;
+    std::set<FeatureId> last;
+    for (int i = 0; i < 100; ++i) {
+      estimator.process(road.gyro());
+      estimator.process(road.velocity());
+      const StereoFrame frame = road.frame();
+      estimator.process(frame);
+      last.clear();
+      for (const auto& feature : frame.features) {
+        ++seen[feature.id];
+        last.insert(feature.id);
+      }
+      road.move();
+    }
+    std::set<FeatureId> map;
+    for (const LandmarkEstimate& l : estimator.landmarks()) map.insert(l.id);
+    int wrong = 0;
+    for (const auto& [id, count] : seen) {
+      wrong += (map.count(id) == 1) != (last.count(id) == 1 || count >= least) ? 1 : 0;
+    }
+    EXPECT_EQ(wrong, 0) << least;
+  }
+}
+
+TEST(InvariantEstimator, RepeatsItself) {
+  Road first(12, 30, kTypical), second(12, 30, kTypical);
+  const InvariantEstimator a = driven(first, 200), b = driven(second, 200);
+  expectSame(a.state(), b.state(), 0.0);
+  const auto map_a = a.landmarks(), map_b = b.landmarks();
+  ASSERT_EQ(map_a.size(), map_b.size());
+  for (std::size_t i = 0; i < map_a.size(); ++i) {
+    EXPECT_EQ(map_a[i].id, map_b[i].id);
+    EXPECT_EQ(distance(map_a[i].position, map_b[i].position), 0.0);
+    EXPECT_EQ(distance(map_a[i].covariance, map_b[i].covariance), 0.0);
+  }
+}
+
+TEST(InvariantEstimator, StaysSoundThroughAGap) {
+  Road road(13, 25, kTypical);
+  InvariantEstimator estimator = driven(road, 50);
+  for (int i = 0; i < 100; ++i) road.move(); // 10 s without anything
+  for (int i = 0; i < 50; ++i) {
+    road.feed(estimator);
+    ASSERT_TRUE(isPositiveDefinite(estimator.state().pose_covariance)) << i;
+    ASSERT_TRUE(isPositiveDefinite(estimator.state().twist_covariance)) << i;
+  }
+  EXPECT_LT(distance(estimator.state().twist, road.twist()), 0.5);
+}
+
+} // namespace
+} // namespace vi_ekf_slam::invariant
