@@ -39,9 +39,12 @@ def nees(errors, covariances):
     return result
 
 
-def chi_square_bounds(dof):
-    """Lower and upper 95 % bounds of a chi-square variable, by Wilson and Hilferty's cube root. dof: number or array."""
+def chi_square_bounds(dof, sigmas=NORMAL_975):
+    """Lower and upper bounds of a chi-square variable, by Wilson and Hilferty's cube root. dof: number or array.
+
+    They are as unlikely to be left as `sigmas` standard deviations by a normal variable: 95 % lie between those given.
+    """
     dof = np.asarray(dof, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         variance = 2.0 / (9.0 * dof)
-        return tuple(dof * (1.0 - variance + sign * NORMAL_975 * np.sqrt(variance)) ** 3 for sign in (-1.0, 1.0))
+        return tuple(dof * (1.0 - variance + sign * sigmas * np.sqrt(variance)) ** 3 for sign in (-1.0, 1.0))
