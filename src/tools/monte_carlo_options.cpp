@@ -14,16 +14,19 @@ const char* const kMonteCarloHelp =
 
 Runs the configured estimator over simulated drives, one a seed, and tells whether its covariance can be believed:
 pose NEES at 25, 50, 75 and 100 % of the drive (error and covariance in right-invariant coordinates, 6 degrees of
-freedom), NIS per degree of freedom, whether the variance of the global yaw ever falls before a landmark is seen
-again, and position errors. Writes seeds.csv (a row a seed), check_points.csv (a row a seed and check point) and
-frames.csv (means over the seeds, a row a frame) into DIR, which is made if needed.
+freedom), NIS per degree of freedom (of each plausible observation by itself, before the consensus chooses), whether
+the variance of the global yaw ever falls before a landmark is seen again, and position errors. Writes seeds.csv (a row
+a seed), check_points.csv (a row a seed and check point) and frames.csv (means over the seeds, a row a frame) into DIR,
+which is made if needed. In either motion all tracks slide together as the DEFAULT filter says (drift_position,
+drift_rotation) and as they do on real drives; --set drift-position=0 --set drift-rotation=0 makes a perfect front end.
 
   --config FILE        configuration, the same YAML file that the node takes
   --output DIR         where the results go; files of the same names are replaced
   --seeds N            number of drives                                          [50]
   --first-seed N       seeds count up from here                                  [1]
   --motion car         two laps round a block with wrong matches, other cars and stale frames (repaired), or
-  --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match   [car]
+  --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match: the
+                       default filter's own model                                [car]
   --set OPTION=VALUE   an option of the drive ('simulate_drive --help' lists them); may be given often
   --jobs N             threads; results do not depend on it                      [2, or 1 on one core]
   --check LOW,HIGH     exit with 3 when the mean pose NEES at a check point leaves these bounds
