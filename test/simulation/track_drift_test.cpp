@@ -131,23 +131,30 @@ TEST(TrackDrift, LeavesANewTrackExactAndMovesAnOldOne) {
   options.drift_rotation = kRotation;
   const Drive drive = simulateDrive(options);
   std::map<FeatureId, int> age;
-  double worst_new = 0.0, old = 0.0;
-  int count = 0;
+  double worst_new = 0.0, young = 0.0, old = 0.0; // px, and px^2
+  int young_count = 0, old_count = 0;
   for (const DriveStep& step : drive.steps) {
     for (std::size_t i = 0; i < step.frame.features.size(); ++i) {
       const Eigen::Vector3d p = drive.rig.cam_T_imu * (step.world_T_imu.inverse() * step.truth[i].world);
       const StereoPixels off = step.frame.features[i].pixels - drive.rig.camera.project(p);
       const int seen = age[step.frame.features[i].id]++;
       if (seen == 0) worst_new = std::max(worst_new, off.norm());
+      if (seen == 1) {
+        young += off.squaredNorm();
+        ++young_count;
+      }
       if (seen == 10) {
         old += off.squaredNorm();
-        ++count;
+        ++old_count;
       }
     }
   }
   EXPECT_LT(worst_new, 1e-9);
-  ASSERT_GT(count, 200);
-  EXPECT_GT(std::sqrt(old / count), 0.5); // px; 9 m turn by 3 mrad, of 700 px a rad
+  ASSERT_GT(old_count, 200);
+  // It has slid since it was new, whenever that was.
+  EXPECT_LT(std::sqrt(young / young_count), 1.0);
+  EXPECT_GT(std::sqrt(old / old_count), 2.0 * std::sqrt(young / young_count));
+  EXPECT_GT(std::sqrt(old / old_count), 0.5); // px; 9 m turn by 3 mrad, of 700 px a rad
 }
 
 bool sameDrive(const Drive& a, const Drive& b, bool pixels) {

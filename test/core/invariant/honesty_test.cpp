@@ -93,31 +93,6 @@ class Truths {
   Eigen::MatrixXd root_;
 };
 
-/// A state as the filter has it: the landmarks are known from the pixels of the frames before.
-State seenState(const StereoModel& model, unsigned seed, std::size_t landmarks) {
-  Random random(seed);
-  State state({Vector6d::Constant(1e-3), (Vector6d() << 0.1, 0.1, 0.1, 0.01, 0.01, 0.01).finished(),
-               Vector6d::Constant(1e-3)});
-  for (std::size_t i = 0; i < landmarks; ++i) {
-    const Eigen::Vector3d q(random.uniform(-4.0, 4.0), random.uniform(-1.0, 2.0), random.uniform(6.0, 12.0));
-    const auto sighting = model.triangulate(state, model.rig().camera.project(q), 100.0);
-    state.addLandmark(i, sighting->position, sighting->covariance);
-  }
-  state.propagate(0.1, {Vector6d::Constant(0.05), Vector6d::Zero()});
-  return state;
-}
-
-std::vector<Observation> observe(const StereoModel& model, const State& state, const StereoFrame& frame) {
-  std::vector<Observation> observations;
-  for (std::size_t i = 0; i < frame.features.size(); ++i) {
-    auto seen = model.observe(state, i, frame.features[i].pixels);
-    if (!seen) continue;
-    seen->feature = i;
-    observations.push_back(*seen);
-  }
-  return observations;
-}
-
 TEST(FrameUpdate, ReportsAnNisOfMeanOneForWhatFollowsTheModel) {
   for (const bool consensus : {true, false}) {
     InvariantConfig config;

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/invariant/standstill.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <optional>
 
@@ -112,6 +113,12 @@ TEST(StandstillDetector, TrustsNoBadOdometerAlone) {
   EXPECT_TRUE(stands(scene));
   scene.velocity = {0.12, 0.0, 0.0};
   EXPECT_FALSE(stands(scene));
+  // One just good enough allows for 0.14 m/s along each axis, and for 0.15 m/s in all.
+  scene.velocity_sigma = 0.15;
+  scene.velocity = {0.1, 0.1, 0.0};
+  EXPECT_TRUE(stands(scene));
+  scene.velocity = {0.12, 0.12, 0.0};
+  EXPECT_FALSE(stands(scene));
 }
 
 TEST(StandstillDetector, TakesFewTracksForNoPicture) {
@@ -171,6 +178,19 @@ TEST(StandstillDetector, MovesOffWithTheCar) {
   detector.addGyro(at(1.6), Eigen::Vector3d::Zero(), isotropic(0.05), Eigen::Matrix3d::Zero());
   detector.addFrame(frameAt(1.6, 20, 1.5 + 0.5)); // the very first frame in which the picture moves
   EXPECT_FALSE(detector.stands(at(1.6)));
+}
+
+TEST(StandstillDetector, TellsACarThatHasStopped) {
+  StandstillDetector detector(kStillPx);
+  for (int i = 0; i <= 40; ++i) {
+    const bool drives = i <= 20;
+    const Eigen::Vector3d velocity(drives ? 5.0 : 0.0, 0.0, 0.0);
+    detector.addVelocity(at(0.1 * i), velocity, isotropic(0.5));
+    detector.addGyro(at(0.1 * i), Eigen::Vector3d::Zero(), isotropic(0.05), Eigen::Matrix3d::Zero());
+    detector.addFrame(frameAt(0.1 * i, 20, 10.0 * std::min(i, 20)));
+    EXPECT_FALSE(i <= 25 && detector.stands(at(0.1 * i))) << i;
+    EXPECT_TRUE(i <= 32 || detector.stands(at(0.1 * i))) << i;
+  }
 }
 
 TEST(StandstillDetector, IgnoresPixelsThatAreNone) {
