@@ -20,55 +20,66 @@ std::size_t countUsed(const FrameOutcome& outcome) {
 
 FrameOutcome FrameUpdate::apply(State& state, const StereoFrame& frame, std::vector<Observation> observations,
                                 const Manoeuvre& manoeuvre) const {
-  FrameOutcome nothing;
-  nothing.used.assign(observations.size(), false);
-  if (observations.empty()) return nothing;
-  const bool may_retry = config_.consensus && !config_.manoeuvre_density.isZero() &&
-                         observations.size() >= kManoeuvreFeatures && manoeuvre.dt > 0.0;
-  std::optional<State> before;
-  if (may_retry) before = state;
-  std::optional<FrameOutcome> outcome = withConsensus(state, observations);
+  FrameOutcome outcome;
+  outcome.used.assign(observations.size(), false);
+  if (observations.empty()) return outcome;
+  std::optional<Plan> plan = makePlan(state, observations);
   const double enough = config_.manoeuvre_share * static_cast<double>(observations.size());
-  if (may_retry && (!outcome || static_cast<double>(countUsed(*outcome)) < enough)) {
-    auto retried = afterManoeuvre(*before, frame, observations, manoeuvre);
-    if (retried && static_cast<double>(countUsed(*retried)) >= enough) {
-      state = std::move(*before);
-      outcome = std::move(retried);
+  const auto convinces = [enough](const std::optional<Plan>& p) {
+    return p && static_cast<double>(countUsed(p->outcome)) >= enough;
+  };
+  if (!convinces(plan) && mayBeManoeuvre(observations, manoeuvre)) {
+    State disturbed = state;
+    if (allowManoeuvre(disturbed, frame, observations, manoeuvre)) {
+      std::optional<Plan> second = makePlan(disturbed, observations);
+      if (convinces(second)) {
+        state = std::move(disturbed);
+        plan = std::move(second);
+      }
     }
   }
-  if (!outcome) {
-    nothing.rejected = true;
-    return nothing;
+  if (!plan || !state.apply(std::move(plan->correction), &model_.rig().cam_T_imu)) {
+    outcome.rejected = true;
+    return outcome;
   }
-  if (config_.consensus) rescue(state, frame, observations, *outcome);
-  return *outcome;
+  outcome = std::move(plan->outcome);
+  if (config_.consensus) rescue(state, frame, observations, outcome);
+  return outcome;
+}
+
+bool FrameUpdate::mayBeManoeuvre(const std::vector<Observation>& observations,
+                                 const Manoeuvre& manoeuvre) const {
+  return config_.consensus && !config_.manoeuvre_density.isZero() &&
+         observations.size() >= kManoeuvreFeatures && manoeuvre.dt > 0.0;
 }
 
 /// Most of the picture does not fit the prediction: perhaps it is the prediction that is wrong. With room for
-/// a bump, and the gyro's word on it, the whole picture may agree.
-std::optional<FrameOutcome> FrameUpdate::afterManoeuvre(State& state, const StereoFrame& frame,
-                                                        std::vector<Observation> observations,
-                                                        const Manoeuvre& manoeuvre) const {
+/// a bump, and the gyro's word on it, the whole picture may agree. False where a landmark is out of sight
+/// then.
+bool FrameUpdate::allowManoeuvre(State& state, const StereoFrame& frame,
+                                 std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const {
   state.disturb(manoeuvre.dt, {config_.manoeuvre_density, Vector6d::Zero()});
   if (manoeuvre.gyro) {
     const double sigma = config_.gyro_sigma;
     measureTwist(state, 3, manoeuvre.gyro->angular_velocity,
                  manoeuvre.gyro->covariance.value_or(sigma * sigma * Eigen::Matrix3d::Identity()));
   }
-  for (Observation& observation : observations) {
+  std::vector<Observation> moved;
+  for (const Observation& observation : observations) {
     auto again = model_.observe(state, observation.landmark, frame.features[observation.feature].pixels);
-    if (!again) return std::nullopt;
+    if (!again) return false;
     again->feature = observation.feature;
-    observation = *again;
+    moved.push_back(*again);
   }
-  return withConsensus(state, observations);
+  observations = std::move(moved);
+  return true;
 }
 
-/// Nothing, and no change, when the frame contradicts the state as a whole.
-std::optional<FrameOutcome> FrameUpdate::withConsensus(State& state,
+/// Nothing when the frame contradicts the state as a whole.
+std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
                                                        const std::vector<Observation>& observations) const {
-  const Eigen::MatrixXd HP = model_.crossCovariance(state, observations);
-  const Eigen::MatrixXd S = model_.innovationCovariance(observations, HP);
+  Eigen::MatrixXd PHt = model_.crossCovariance(state, observations);
+  Eigen::MatrixXd S = model_.innovationCovariance(observations, PHt);
   FrameOutcome outcome;
   std::vector<double> nis(observations.size());
   for (std::size_t i = 0; i < observations.size(); ++i) {
@@ -79,33 +90,30 @@ std::optional<FrameOutcome> FrameUpdate::withConsensus(State& state,
     outcome.nis_dof += 3;
   }
   outcome.used = choose(observations, S, nis);
-  std::vector<std::size_t> agreeing;
+  // The chosen ones move to the front.
+  Eigen::Index rows = 0;
+  Eigen::VectorXd innovation(S.rows());
   for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (outcome.used[i]) agreeing.push_back(i);
-  }
-  if (agreeing.empty()) return std::nullopt;
-  const auto rows = 3 * static_cast<Eigen::Index>(agreeing.size());
-  Eigen::MatrixXd HP_used(rows, HP.cols()), S_used(rows, rows);
-  Eigen::VectorXd innovation(rows);
-  for (std::size_t i = 0; i < agreeing.size(); ++i) {
-    const auto to = 3 * static_cast<Eigen::Index>(i), from = 3 * static_cast<Eigen::Index>(agreeing[i]);
-    HP_used.middleRows<3>(to) = HP.middleRows<3>(from);
-    innovation.segment<3>(to) = observations[agreeing[i]].innovation;
-    for (std::size_t j = 0; j < agreeing.size(); ++j) {
-      S_used.block<3, 3>(to, 3 * static_cast<Eigen::Index>(j)) =
-          S.block<3, 3>(from, 3 * static_cast<Eigen::Index>(agreeing[j]));
+    if (!outcome.used[i]) continue;
+    const auto from = 3 * static_cast<Eigen::Index>(i);
+    innovation.segment<3>(rows) = observations[i].innovation;
+    if (from != rows) {
+      PHt.middleCols<3>(rows) = PHt.middleCols<3>(from);
+      S.middleCols<3>(rows) = S.middleCols<3>(from);
+      S.middleRows<3>(rows) = S.middleRows<3>(from);
     }
+    rows += 3;
   }
-  const Eigen::LLT<Eigen::MatrixXd> llt(S_used);
-  const Eigen::VectorXd weighted = llt.solve(innovation);
-  if (!(innovation.dot(weighted) <= config_.frame_gate * static_cast<double>(rows))) return std::nullopt;
-  // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
-  const Vector6d twist_correction = HP_used.middleCols<6>(kTwist).transpose() * weighted;
-  const Eigen::LLT<Matrix6d> twist_covariance(state.covariance().block<6, 6>(kTwist, kTwist));
-  if (!(twist_correction.dot(twist_covariance.solve(twist_correction)) <= config_.motion_gate))
+  if (rows == 0) return std::nullopt;
+  PHt.conservativeResize(Eigen::NoChange, rows);
+  Correction correction(std::move(PHt), S.topLeftCorner(rows, rows), innovation.head(rows));
+  if (!correction.isValid() || !(correction.nis() <= config_.frame_gate * static_cast<double>(rows)))
     return std::nullopt;
-  if (!state.correct(std::move(HP_used), S_used, innovation, &model_.rig().cam_T_imu)) return std::nullopt;
-  return outcome;
+  // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
+  const Vector6d twist = correction.error().segment<6>(kTwist);
+  const Eigen::LLT<Matrix6d> twist_covariance(state.covariance().block<6, 6>(kTwist, kTwist));
+  if (!(twist.dot(twist_covariance.solve(twist)) <= config_.motion_gate)) return std::nullopt;
+  return Plan{std::move(outcome), std::move(correction)};
 }
 
 /// Which observations agree with each other, or, without consensus, with the prediction.
@@ -138,10 +146,9 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
     }
   }
   if (again.empty()) return;
-  const Eigen::MatrixXd HP = model_.crossCovariance(state, again);
-  if (!state.correct(HP, model_.innovationCovariance(again, HP), stackInnovations(again),
-                     &model_.rig().cam_T_imu))
-    return;
+  Eigen::MatrixXd PHt = model_.crossCovariance(state, again);
+  const Eigen::MatrixXd S = model_.innovationCovariance(again, PHt);
+  if (!state.apply(Correction(std::move(PHt), S, stackInnovations(again)), &model_.rig().cam_T_imu)) return;
   for (const std::size_t i : index) outcome.used[i] = true;
 }
 

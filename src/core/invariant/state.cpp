@@ -1,8 +1,9 @@
 #include "vi_ekf_slam/core/invariant/state.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
@@ -65,22 +66,46 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
 }
 
-std::optional<double> State::correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& S,
-                                     const Eigen::VectorXd& innovation, const SE3* cam_T_imu) {
-  const Eigen::LLT<Eigen::MatrixXd> llt(S);
-  if (llt.info() != Eigen::Success) return std::nullopt;
-  const Eigen::VectorXd weighted = llt.solve(innovation);
-  const double nis = innovation.dot(weighted);
-  const Eigen::VectorXd error = HP.transpose() * weighted;
-  if (!(nis >= 0.0) || !error.allFinite()) return std::nullopt;
-  // P - K H P = P - A^T A with A = L^-1 H P: symmetric by construction.
-  llt.matrixL().solveInPlace(HP);
-  if (!HP.allFinite()) return std::nullopt;
+Correction::Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation)
+    : PHt_(std::move(PHt)), llt_(S) {
+  if (llt_.info() != Eigen::Success) return;
+  const Eigen::VectorXd weighted = llt_.solve(innovation);
+  nis_ = innovation.dot(weighted);
+  error_.noalias() = PHt_ * weighted;
+  valid_ = nis_ >= 0.0 && error_.allFinite();
+}
+
+bool State::apply(Correction correction, const SE3* cam_T_imu) {
+  if (!correction.isValid()) return false;
+  // P - K H P = P - A A^T with A = P H^T L^-T: symmetric by construction.
+  Eigen::MatrixXd& A = correction.PHt_;
+  correction.llt_.matrixU().solveInPlace<Eigen::OnTheRight>(A);
+  if (!A.allFinite()) return false;
   auto P = covariance_.topLeftCorner(size(), size());
-  P.selfadjointView<Eigen::Lower>().rankUpdate(HP.transpose(), -1.0);
-  P.triangularView<Eigen::StrictlyUpper>() = P.transpose();
-  retract(error, cam_T_imu);
-  return nis;
+  P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
+  mirror();
+  const std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
+  if (!M.empty()) transport(M);
+  return true;
+}
+
+/// The lower triangle onto the upper one, block by block for the cache's sake.
+void State::mirror() {
+  constexpr Eigen::Index kBlock = 32;
+  const Eigen::Index n = size();
+  auto P = covariance_.topLeftCorner(n, n);
+  for (Eigen::Index column = 0; column < n; column += kBlock) {
+    const Eigen::Index columns = std::min(kBlock, n - column);
+    for (Eigen::Index row = column; row < n; row += kBlock) {
+      const Eigen::Index rows = std::min(kBlock, n - row);
+      if (row == column) {
+        P.block(row, column, rows, columns).triangularView<Eigen::StrictlyUpper>() =
+            P.block(row, column, rows, columns).transpose();
+      } else {
+        P.block(column, row, columns, rows) = P.block(row, column, rows, columns).transpose();
+      }
+    }
+  }
 }
 
 /// Moves the mean by the error. What was learned is mostly recent (this step's motion, a landmark's depth),
@@ -92,13 +117,16 @@ std::optional<double> State::correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& 
 /// A landmark before the camera is moved in (x/z, y/z, 1/z) of the camera, where pixels are linear, and its
 /// error is re-expressed at the new point so that its covariance in those coordinates is unchanged: with
 /// straight coordinates the noise of far points' depth turns into a bias of scale.
-void State::retract(const Eigen::VectorXd& error, const SE3* cam_T_imu) {
+/// Returns, landmark by landmark, M of that re-expression (see transport); nothing without `cam_T_imu`.
+std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const SE3* cam_T_imu) {
   const Eigen::Vector3d xi_p = error.segment<3>(kPosition), xi_R = error.segment<3>(kRotation);
   pose_ = SE3(so3::Exp(xi_R) * pose_.rotation(), pose_.translation() + xi_p + xi_R.cross(pose_.translation()))
               .normalized();
   twist_ += error.segment<6>(kTwist);
   bias_ += error.segment<6>(kBias);
   const SE3 cam_T_world = cam_T_imu ? *cam_T_imu * pose_.inverse() : SE3();
+  const SE3 world_T_cam = cam_T_world.inverse();
+  std::vector<Eigen::Matrix3d> M(cam_T_imu ? landmarks_.size() : 0, Eigen::Matrix3d::Identity());
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     Eigen::Vector3d& m = landmarks_[i].position;
     const Eigen::Vector3d d = error.segment<3>(offsetOf(i)) + xi_R.cross(m);
@@ -109,23 +137,29 @@ void State::retract(const Eigen::VectorXd& error, const SE3* cam_T_imu) {
     }
     const Eigen::Matrix3d& R = cam_T_world.rotation();
     const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
-    m = cam_T_world.inverse() * moved;
-    transport(i, R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R);
+    m = world_T_cam * moved;
+    M[i] = R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R;
   }
+  return M;
 }
 
-/// Re-expresses a landmark's error relative to the body: (e - xi_p) <- M (e - xi_p).
-void State::transport(std::size_t landmark, const Eigen::Matrix3d& M) {
-  const Eigen::Index n = size(), j = offsetOf(landmark);
-  Rows3 rows = covariance_.block(j, 0, 3, n);
-  const auto position = covariance_.block(kPosition, 0, 3, n);
-  rows = (position + M * (rows - position)).eval();
-  // The block on the diagonal has the landmark on both sides: M acts from the right as well.
-  const Eigen::Matrix3d with_position = rows.middleCols<3>(kPosition);
-  const Eigen::Matrix3d own = (rows.middleCols<3>(j) - with_position) * M.transpose() + with_position;
-  rows.middleCols<3>(j) = 0.5 * (own + own.transpose());
-  covariance_.block(j, 0, 3, n) = rows;
-  covariance_.block(0, j, n, 3) = rows.transpose();
+/// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p).
+void State::transport(const std::vector<Eigen::Matrix3d>& M) {
+  const Eigen::Index n = size();
+  auto P = covariance_.topLeftCorner(n, n);
+  for (std::size_t j = 0; j < M.size(); ++j) {
+    const auto position = P.middleCols<3>(kPosition);
+    auto own = P.middleCols<3>(offsetOf(j));
+    own = (position + (own - position) * M[j].transpose()).eval();
+  }
+  for (Eigen::Index column = 0; column < n; ++column) {
+    const Eigen::Vector3d position = P.col(column).segment<3>(kPosition);
+    for (std::size_t j = 0; j < M.size(); ++j) {
+      auto own = P.col(column).segment<3>(offsetOf(j));
+      own = (position + M[j] * (own - position)).eval();
+    }
+  }
+  mirror();
 }
 
 void State::reserve(Eigen::Index size) {

@@ -31,26 +31,33 @@ std::optional<Observation> StereoModel::observe(const State& state, std::size_t 
 Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
                                              const std::vector<Observation>& observations) const {
   const auto P = state.covariance();
-  Eigen::MatrixXd HP(rowsOf(observations), state.size());
-  Eigen::Index row = 0;
+  Eigen::MatrixXd PHt(state.size(), rowsOf(observations));
+  Eigen::Index column = 0;
   for (const Observation& o : observations) {
-    HP.middleRows<3>(row).noalias() =
-        o.jacobian * (P.middleRows<3>(State::offsetOf(o.landmark)) - P.middleRows<3>(kPosition));
-    row += 3;
+    PHt.middleCols<3>(column).noalias() =
+        (P.middleCols<3>(State::offsetOf(o.landmark)) - P.middleCols<3>(kPosition)) * o.jacobian.transpose();
+    column += 3;
   }
-  return HP;
+  return PHt;
 }
 
 Eigen::MatrixXd StereoModel::innovationCovariance(const std::vector<Observation>& observations,
-                                                  const Eigen::MatrixXd& HP) const {
-  Eigen::MatrixXd S(HP.rows(), HP.rows());
-  Eigen::Index row = 0;
-  for (const Observation& o : observations) {
-    S.middleCols<3>(row).noalias() =
-        (HP.middleCols<3>(State::offsetOf(o.landmark)) - HP.middleCols<3>(kPosition)) *
-        o.jacobian.transpose();
-    S.block<3, 3>(row, row) += noise();
-    row += 3;
+                                                  const Eigen::MatrixXd& PHt) const {
+  const Eigen::Index rows = PHt.cols();
+  Eigen::MatrixXd S(rows, rows);
+  for (Eigen::Index column = 0; column < rows; column += 3) {
+    const auto about = PHt.middleCols<3>(column);
+    const Eigen::Matrix3d position = about.middleRows<3>(kPosition);
+    for (Eigen::Index row = column; row < rows; row += 3) {
+      const Observation& o = observations[static_cast<std::size_t>(row / 3)];
+      const Eigen::Matrix3d block =
+          o.jacobian * (about.middleRows<3>(State::offsetOf(o.landmark)) - position);
+      S.block<3, 3>(row, column) = block;
+      S.block<3, 3>(column, row) = block.transpose();
+    }
+    // Rounding leaves the block on the diagonal not quite symmetric.
+    const Eigen::Matrix3d own = S.block<3, 3>(column, column);
+    S.block<3, 3>(column, column) = 0.5 * (own + own.transpose()) + noise();
   }
   return S;
 }

@@ -35,12 +35,17 @@ class FrameUpdate {
                      const Manoeuvre& manoeuvre) const;
 
  private:
-  std::optional<FrameOutcome> withConsensus(State& state, const std::vector<Observation>& observations) const;
+  struct Plan {
+    FrameOutcome outcome;
+    Correction correction;
+  };
+
+  std::optional<Plan> makePlan(const State& state, const std::vector<Observation>& observations) const;
   std::vector<bool> choose(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
                            const std::vector<double>& nis) const;
-  std::optional<FrameOutcome> afterManoeuvre(State& state, const StereoFrame& frame,
-                                             std::vector<Observation> observations,
-                                             const Manoeuvre& manoeuvre) const;
+  bool mayBeManoeuvre(const std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const;
+  bool allowManoeuvre(State& state, const StereoFrame& frame, std::vector<Observation>& observations,
+                      const Manoeuvre& manoeuvre) const;
   void rescue(State& state, const StereoFrame& frame, const std::vector<Observation>& observations,
               FrameOutcome& outcome) const;
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <optional>
 #include <vector>
@@ -24,6 +25,30 @@ struct Prior {
   Vector6d pose_sigma;  ///< m, rad
   Vector6d twist_sigma; ///< m/s, rad/s
   Vector6d bias_sigma;  ///< m/s, rad/s
+};
+
+/// A measurement that is ready to correct a state: PHt = P H^T (size() x rows), the factor of the
+/// innovation's covariance S = H P H^T + R (rows x rows), and the innovation.
+class Correction {
+ public:
+  /// Of `S` only the lower triangle is read.
+  Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation);
+
+  /// Whether S is positive definite and all of this finite; else it cannot be applied.
+  bool isValid() const { return valid_; }
+  /// Normalised innovation squared, innovation^T S^-1 innovation.
+  double nis() const { return nis_; }
+  /// What the state's error is expected to be, P H^T S^-1 innovation (size()).
+  const Eigen::VectorXd& error() const { return error_; }
+
+ private:
+  friend class State;
+
+  Eigen::MatrixXd PHt_;
+  Eigen::LLT<Eigen::MatrixXd> llt_;
+  Eigen::VectorXd error_;
+  double nis_ = 0.0;
+  bool valid_ = false;
 };
 
 /// Continuous-time white noise that drives the state, as root spectral densities per axis.
@@ -62,12 +87,9 @@ class State {
   /// The process noise of the last `dt` s alone, beyond what propagate added: the mean stays where it is.
   void disturb(double dt, const ProcessNoise& noise);
 
-  /// Kalman update. `HP` is H times the covariance (rows x size()), `S` the innovation's covariance (rows x
-  /// rows), both from this state. With `cam_T_imu` landmarks before the camera are corrected in inverse depth
-  /// (see retract). Returns the normalised innovation squared; nothing, and no change, when S is not positive
-  /// definite or the correction is not finite.
-  std::optional<double> correct(Eigen::MatrixXd HP, const Eigen::MatrixXd& S,
-                                const Eigen::VectorXd& innovation, const SE3* cam_T_imu = nullptr);
+  /// Kalman update by a correction made from this state. With `cam_T_imu` landmarks before the camera are
+  /// corrected in inverse depth (see retract). False, and no change, when it is not valid.
+  bool apply(Correction correction, const SE3* cam_T_imu = nullptr);
 
   /// Adds the landmark at `position` (world), seen from here with position noise covariance `noise` (3x3,
   /// world axes): e = xi_p + n.
@@ -94,8 +116,9 @@ class State {
   Columns6 twistInfluence(double dt, const SE3& start) const;
   void addTwistNoise(const Columns6& G, double dt, const ProcessNoise& noise, const Columns6& cross_start,
                      const Matrix6d& twist_covariance);
-  void retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
-  void transport(std::size_t landmark, const Eigen::Matrix3d& M);
+  std::vector<Eigen::Matrix3d> retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
+  void transport(const std::vector<Eigen::Matrix3d>& M);
+  void mirror();
   void reserve(Eigen::Index size);
 
   SE3 pose_;

@@ -34,12 +34,12 @@ class StereoModel {
   std::optional<Observation> observe(const State& state, std::size_t landmark,
                                      const StereoPixels& pixels) const;
 
-  /// H P, (3 observations) x size().
+  /// P H^T, size() x (3 observations).
   Eigen::MatrixXd crossCovariance(const State& state, const std::vector<Observation>& observations) const;
 
-  /// S = H P H^T + noise, (3 observations) square, from HP = crossCovariance.
+  /// S = H P H^T + noise, (3 observations) square, from PHt = crossCovariance.
   Eigen::MatrixXd innovationCovariance(const std::vector<Observation>& observations,
-                                       const Eigen::MatrixXd& HP) const;
+                                       const Eigen::MatrixXd& PHt) const;
 
   /// 3x3 of (u_left, v, u_right), px^2.
   Eigen::Matrix3d noise() const;
