@@ -18,9 +18,9 @@ TEST(InvariantState, CorrectsAsTheTextbookDoes) {
     const Eigen::Matrix3d R = 0.01 * random.covariance<3>();
     const Eigen::Vector3d innovation = 0.01 * random.vector<3>(-1.0, 1.0);
     const Update update = updateOf(state, H, R);
-    const auto nis = state.correct(update.HP, update.S, innovation);
-    ASSERT_TRUE(nis);
-    EXPECT_NEAR(*nis, innovation.dot(update.S.inverse() * innovation), 1e-12);
+    const Correction correction(update.PHt, update.S, innovation);
+    ASSERT_TRUE(state.apply(correction));
+    EXPECT_NEAR(correction.nis(), innovation.dot(update.S.inverse() * innovation), 1e-12);
 
     const Eigen::MatrixXd K = P * H.transpose() * update.S.inverse();
     const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(P.rows(), P.cols()) - K * H;
@@ -44,8 +44,8 @@ TEST(InvariantState, RetractionIsTheErrorsToFirstOrder) {
       const Eigen::MatrixXd H = 0.3 * randomMatrix(random, 6, state.size());
       const Update update = updateOf(state, H, Matrix6d::Identity());
       const Vector6d innovation = size * random.vector<6>(-1.0, 1.0);
-      const Eigen::VectorXd error = update.HP.transpose() * update.S.inverse() * innovation;
-      ASSERT_TRUE(state.correct(update.HP, update.S, innovation, camera));
+      const Eigen::VectorXd error = update.PHt * update.S.inverse() * innovation;
+      ASSERT_TRUE(state.apply(Correction(update.PHt, update.S, innovation), camera));
       const Eigen::VectorXd made = errorOf(meanOf(state), meanOf(start));
       EXPECT_LT(distance(made, error), 20.0 * error.squaredNorm());
       EXPECT_TRUE(so3::isRotation(state.pose().rotation(), 1e-12));
@@ -59,18 +59,18 @@ TEST(InvariantState, RefusesAnUpdateThatIsNoneAndStaysAsItWas) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Update good = updateOf(start, twistRows(start, 0), Eigen::Matrix3d::Identity());
   const Eigen::Vector3d innovation(0.1, 0.2, 0.3);
-  const auto expectRefused = [&](const Eigen::MatrixXd& HP, const Eigen::MatrixXd& S,
+  const auto expectRefused = [&](const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& S,
                                  const Eigen::VectorXd& y) {
     State state = start;
-    EXPECT_FALSE(state.correct(HP, S, y));
+    EXPECT_FALSE(state.apply(Correction(PHt, S, y)));
     EXPECT_EQ(distance(state.covariance(), start.covariance()), 0.0);
     EXPECT_EQ(distance(state.pose().matrix(), start.pose().matrix()), 0.0);
     EXPECT_EQ(distance(state.twist(), start.twist()), 0.0);
   };
-  expectRefused(good.HP, -good.S, innovation);
-  expectRefused(good.HP, nan * good.S, innovation);
-  expectRefused(good.HP, good.S, nan * innovation);
-  expectRefused(nan * good.HP, good.S, innovation);
+  expectRefused(good.PHt, -good.S, innovation);
+  expectRefused(good.PHt, nan * good.S, innovation);
+  expectRefused(good.PHt, good.S, nan * innovation);
+  expectRefused(nan * good.PHt, good.S, innovation);
 }
 
 TEST(InvariantState, ForgetsTheTwist) {
@@ -118,11 +118,11 @@ TEST(InvariantState, MovesALandmarkWithItsCovarianceInInverseDepth) {
   for (int run = 0; run < 20; ++run) {
     const State start = busyState(random, 4);
     const auto observations = observationsOf(model, start, 3.0, random);
-    const Eigen::MatrixXd HP = model.crossCovariance(start, observations);
-    const Eigen::MatrixXd S = model.innovationCovariance(observations, HP);
+    const Eigen::MatrixXd PHt = model.crossCovariance(start, observations);
+    const Eigen::MatrixXd S = model.innovationCovariance(observations, PHt);
     State still = start, with = start;
-    still.correct(HP, S, Eigen::VectorXd::Zero(S.rows()), &model.rig().cam_T_imu);
-    with.correct(HP, S, stackInnovations(observations), &model.rig().cam_T_imu);
+    still.apply(Correction(PHt, S, Eigen::VectorXd::Zero(S.rows())), &model.rig().cam_T_imu);
+    with.apply(Correction(PHt, S, stackInnovations(observations)), &model.rig().cam_T_imu);
     expectCovariance(with);
     // The covariance of all, with (x/z, y/z, 1/z) in place of the landmarks' errors, must not have changed.
     const SE3 cam_T_world = model.rig().cam_T_imu * with.pose().inverse();

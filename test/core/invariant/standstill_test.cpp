@@ -221,7 +221,7 @@ TEST(MeasureStandstill, IsTheTextbooksUpdateByATwistOfZero) {
   const Matrix6d noise = sigma.cwiseAbs2().asDiagonal();
   const Update update = updateOf(before, H, noise);
   State expected = before;
-  ASSERT_TRUE(expected.correct(update.HP, update.S, -before.twist()));
+  ASSERT_TRUE(expected.apply(Correction(update.PHt, update.S, -before.twist())));
   measureStandstill(state, sigma);
   EXPECT_LT(relativeDistance(state.covariance(), expected.covariance()), 1e-9);
   EXPECT_LT(distance(state.twist(), expected.twist()), 1e-9);

@@ -30,12 +30,12 @@ inline Eigen::MatrixXd randomMatrix(Random& random, Eigen::Index rows, Eigen::In
 
 /// The update of a measurement H x with the given noise, as a caller of State puts it.
 struct Update {
-  Eigen::MatrixXd HP, S;
+  Eigen::MatrixXd PHt, S;
 };
 
 inline Update updateOf(const State& state, const Eigen::MatrixXd& H, const Eigen::MatrixXd& noise) {
-  const Eigen::MatrixXd HP = H * state.covariance();
-  return {HP, HP * H.transpose() + noise};
+  const Eigen::MatrixXd PHt = state.covariance() * H.transpose();
+  return {PHt, H * PHt + noise};
 }
 
 inline Eigen::MatrixXd twistRows(const State& state, Eigen::Index axis) {
@@ -52,7 +52,7 @@ inline State busyState(Random& random, std::size_t landmarks = 3) {
   H.middleCols<6>(kTwist).setIdentity();
   const Update start = updateOf(state, H, 1e-6 * Matrix6d::Identity());
   const Vector6d twist = (Vector6d() << 8.0, 0.3, -0.2, 0.05, -0.1, 0.4).finished();
-  state.correct(start.HP, start.S, twist);
+  state.apply(Correction(start.PHt, start.S, twist));
   for (int i = 0; i < 20; ++i) state.propagate(0.1, kNoise);
   const SE3 world_T_cam = state.pose() * exampleRig().cam_T_imu.inverse();
   for (std::size_t i = 0; i < landmarks; ++i) {
@@ -61,7 +61,7 @@ inline State busyState(Random& random, std::size_t landmarks = 3) {
   }
   const Eigen::MatrixXd mix = 0.3 * randomMatrix(random, 5, state.size());
   const Update update = updateOf(state, mix, 0.1 * Eigen::MatrixXd::Identity(5, 5));
-  state.correct(update.HP, update.S, Eigen::VectorXd::Zero(5));
+  state.apply(Correction(update.PHt, update.S, Eigen::VectorXd::Zero(5)));
   state.propagate(0.1, kNoise);
   return state;
 }

@@ -41,7 +41,7 @@ TEST(InvariantStereo, ObservesByTheRelativePositionAlone) {
   }
 }
 
-TEST(InvariantStereo, StacksHPAndS) {
+TEST(InvariantStereo, StacksPHtAndS) {
   Random random(12);
   const StereoModel model(exampleRig(), 0.7, 0.5);
   const State state = busyState(random);
@@ -57,9 +57,9 @@ TEST(InvariantStereo, StacksHPAndS) {
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(9, 9);
   for (Eigen::Index i = 0; i < 9; i += 3) noise.block<3, 3>(i, i) = model.noise();
   const Update expected = updateOf(state, H, noise);
-  const Eigen::MatrixXd HP = model.crossCovariance(state, observations);
-  EXPECT_LT(relativeDistance(HP, expected.HP), 1e-12);
-  EXPECT_LT(relativeDistance(model.innovationCovariance(observations, HP), expected.S), 1e-12);
+  const Eigen::MatrixXd PHt = model.crossCovariance(state, observations);
+  EXPECT_LT(relativeDistance(PHt, expected.PHt), 1e-12);
+  EXPECT_LT(relativeDistance(model.innovationCovariance(observations, PHt), expected.S), 1e-12);
   const Eigen::Matrix3d expected_noise = Eigen::Vector3d(0.49, 0.245, 0.49).asDiagonal();
   EXPECT_LT(distance(model.noise(), expected_noise), 1e-15);
 }
@@ -106,9 +106,10 @@ TEST(InvariantStereo, LearnsNothingAboutWhereTheWholeWorldIs) {
   const Eigen::MatrixXd before = information(state, gauge(state));
   for (int frame = 0; frame < 10; ++frame) {
     const auto observations = observationsOf(model, state, 2.0, random);
-    const Eigen::MatrixXd HP = model.crossCovariance(state, observations);
-    ASSERT_TRUE(state.correct(HP, model.innovationCovariance(observations, HP),
-                              stackInnovations(observations), &model.rig().cam_T_imu));
+    const Eigen::MatrixXd PHt = model.crossCovariance(state, observations);
+    ASSERT_TRUE(state.apply(
+        Correction(PHt, model.innovationCovariance(observations, PHt), stackInnovations(observations)),
+        &model.rig().cam_T_imu));
     EXPECT_LT(relativeDistance(information(state, gauge(state)), before), 1e-6) << frame;
     state.propagate(0.02, kNoNoise);
     EXPECT_LT(relativeDistance(information(state, gauge(state)), before), 1e-6) << frame;
