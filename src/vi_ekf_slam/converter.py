@@ -8,6 +8,7 @@ from tqdm import tqdm
 from vi_ekf_slam import checks
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB, load_dataset
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.extrinsic import READINGS
 from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
@@ -15,7 +16,6 @@ from vi_ekf_slam.stop_signals import signals_unwind
 from vi_ekf_slam.summary import summarise
 from vi_ekf_slam.truth import BODIES, load_truth
 
-EXIT_REFUSED = 2
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s
 
@@ -105,13 +105,5 @@ def _write(options, dataset, repair, truth):
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
     options = make_parser().parse_args(argv)
-    try:
-        with signals_unwind():
-            convert(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    except MemoryError:
-        print("error: %s: not enough memory" % options.input, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    with signals_unwind():
+        return exit_status(convert, options, source=options.input)

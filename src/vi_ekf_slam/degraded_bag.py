@@ -9,12 +9,12 @@ from vi_ekf_slam import checks, degradation
 from vi_ekf_slam.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.dataset import load_dataset
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
 from vi_ekf_slam.synthetic_traffic import add_traffic
 from vi_ekf_slam.truth import load_truth
 
-EXIT_REFUSED = 2
 GOOD_VELOCITY_SIGMA = 0.1  # m/s
 GOOD_GYRO_SIGMA = 0.01  # rad/s
 
@@ -102,10 +102,4 @@ def write(options):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    options = make_parser().parse_args(argv)
-    try:
-        write(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    return exit_status(write, make_parser().parse_args(argv))

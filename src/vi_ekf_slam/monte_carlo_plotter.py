@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import sys
 
 import matplotlib
 
@@ -13,9 +12,9 @@ from matplotlib.figure import Figure  # noqa: E402
 
 from vi_ekf_slam.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.errors import InputError  # noqa: E402
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output, replacing  # noqa: E402
 
-EXIT_REFUSED = 2
 FRAME_COLUMNS = ("time", "nees", "nees_rotation", "nees_position", "nis_per_dof", "position_rmse",
                  "dead_reckoning_rmse", "bound_low_6", "bound_high_6", "bound_low_3", "bound_high_3")
 SEED_COLUMNS = ("seed", "nis_per_dof", "yaw_variance_fall", "position_rmse", "dead_reckoning_rmse")
@@ -83,9 +82,4 @@ def main(argv=None):
     parser.add_argument("directory", metavar="DIR", help="directory that monte_carlo wrote")
     parser.add_argument("--output", metavar="PNG", help="picture to write (default: DIR/monte_carlo.png)")
     parser.add_argument("--title", help="text above the picture")
-    try:
-        plot_monte_carlo(parser.parse_args(argv))
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    return exit_status(plot_monte_carlo, parser.parse_args(argv))

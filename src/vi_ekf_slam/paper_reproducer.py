@@ -14,6 +14,7 @@ from vi_ekf_slam import converter
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.evaluation import describe
 from vi_ekf_slam.evaluation_report import DEFINITIONS, to_data
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.offline_run import run_bag
 from vi_ekf_slam.output_file import check_output, make_directory, replacing, write_text
 from vi_ekf_slam.package_files import package_file
@@ -23,7 +24,6 @@ from vi_ekf_slam.run_evaluator import judge_subject
 from vi_ekf_slam.run_inputs import read_bag, read_subject
 from vi_ekf_slam.stop_signals import signals_unwind
 
-EXIT_REFUSED = 2
 PAGE, NUMBERS = "reproduce_paper.html", "reproduce_paper.json"
 TRUTH_SUFFIX = "_truth_left_camera.txt"
 PICTURE_TYPES = ("png", "svg")
@@ -206,13 +206,5 @@ def _write(options, drives, results, configurations, pictures, say):
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
     options = make_parser().parse_args(argv)
-    try:
-        with signals_unwind():
-            reproduce(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    except MemoryError:
-        print("error: %s: not enough memory" % options.data, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    with signals_unwind():
+        return exit_status(reproduce, options, source=options.data)

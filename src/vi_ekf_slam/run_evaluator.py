@@ -3,18 +3,16 @@
 import argparse
 import json
 import os
-import sys
 
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.evaluation import evaluate, judge_covariances
 from vi_ekf_slam.evaluation_pictures import pictures_of_comparison, pictures_of_run, save_pictures
 from vi_ekf_slam.evaluation_report import DEFINITIONS, Result, table, to_data
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.run_inputs import default_names, find_truth, read_bag, read_subject
 from vi_ekf_slam.trajectory_export import export
 from vi_ekf_slam.truth import BODIES
-
-EXIT_REFUSED = 2
 
 
 def make_parser():
@@ -155,10 +153,4 @@ def _report(pictures, folder):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    options = make_parser().parse_args(argv)
-    try:
-        run_evaluation(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    return exit_status(run_evaluation, make_parser().parse_args(argv))

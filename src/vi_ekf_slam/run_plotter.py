@@ -2,16 +2,14 @@
 
 import argparse
 import os
-import sys
 
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.evaluation import anchor_truth, describe, evaluate, title_of_errors
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.run_inputs import find_truth, read_bag
 from vi_ekf_slam.run_io import read_run
 from vi_ekf_slam.truth import BODIES
-
-EXIT_REFUSED = 2
 
 
 def make_parser():
@@ -79,10 +77,4 @@ def _name(options):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    options = make_parser().parse_args(argv)
-    try:
-        plot_run(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    return exit_status(plot_run, make_parser().parse_args(argv))

@@ -2,15 +2,14 @@
 
 import argparse
 import re
-import sys
 
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.rviz_checks import check
 from vi_ekf_slam.rviz_config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
                                      topic_displays)
 
-EXIT_REFUSED = 2
 TOPIC_NAME = re.compile(r"^[A-Za-z/][A-Za-z0-9_/]*$")
 SHIPPED_TRUTH = "/ground_truth/path"
 HELP = {"path": "the estimated path", "dead_reckoning": "the path of dead reckoning",
@@ -104,9 +103,4 @@ def export(options):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    try:
-        export(make_parser().parse_args(argv))
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
-    return 0
+    return exit_status(export, make_parser().parse_args(argv))

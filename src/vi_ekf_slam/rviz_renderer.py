@@ -12,13 +12,14 @@ from tqdm import tqdm
 
 from vi_ekf_slam import checks, ros_offer
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz_config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
 from vi_ekf_slam.rviz_session import RvizSession
 from vi_ekf_slam.stop_signals import signals_unwind
 
-EXIT_FAILED, EXIT_REFUSED = 1, 2
+EXIT_FAILED = 1
 LIMITS = (200, 4096)  # px
 MAX_ANIMATION_WIDTH = 640  # px
 OCTREE = 2  # Image.FASTOCTREE in old versions of Pillow, Image.Quantize.FASTOCTREE in new ones
@@ -229,11 +230,7 @@ def main(argv=None):
     options = make_parser().parse_args(argv)
     try:
         with signals_unwind():
-            render(options)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
+            return exit_status(render, options)
     except RvizError as reason:
         print("error: %s" % reason, file=sys.stderr)
         return EXIT_FAILED
-    return 0

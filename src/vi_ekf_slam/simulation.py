@@ -14,12 +14,12 @@ from tqdm import tqdm
 
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB
 from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.geometry import inverse, make_transform
 from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.pose_files import tum_line
 
 PROGRAM = "simulate_drive"
-EXIT_REFUSED = 2
 UNSEEN = -1.0
 EDITIONS = ("original", "modern")
 NANOSECONDS = 10**9
@@ -171,10 +171,6 @@ def run(argv):
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
     try:
-        run(argv)
-    except InputError as reason:
-        print("error: %s" % reason, file=sys.stderr)
-        return EXIT_REFUSED
+        return exit_status(run, argv)
     except KeyboardInterrupt:
         return 130
-    return 0

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/invariant/drift.hpp"
 
+#include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -17,9 +18,7 @@ void Drift::turn(const Eigen::Vector3d& position, const Eigen::Vector3d& varianc
 }
 
 Matrix6d Drift::ofPose(const Eigen::Vector3d& position) const {
-  Matrix6d J = Matrix6d::Identity();
-  J.topRightCorner<3, 3>() = -so3::hat(position);
-  return J * covariance_ * J.transpose();
+  return alongWorldAxes(covariance_, position);
 }
 
 Eigen::Matrix3d Drift::ofPoint(const Eigen::Vector3d& point) const {

@@ -16,6 +16,27 @@ std::size_t countUsed(const FrameOutcome& outcome) {
   return static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
 }
 
+/// The correction by the chosen observations alone, from P H^T and S of all of them. At least one is chosen.
+Correction correctionBy(const std::vector<Observation>& observations, const std::vector<bool>& chosen,
+                        Eigen::MatrixXd PHt, Eigen::MatrixXd S) {
+  // The chosen ones move to the front.
+  Eigen::Index rows = 0;
+  Eigen::VectorXd innovation(S.rows());
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    if (!chosen[i]) continue;
+    const auto from = 3 * static_cast<Eigen::Index>(i);
+    innovation.segment<3>(rows) = observations[i].innovation;
+    if (from != rows) {
+      PHt.middleCols<3>(rows) = PHt.middleCols<3>(from);
+      S.middleCols<3>(rows) = S.middleCols<3>(from);
+      S.middleRows<3>(rows) = S.middleRows<3>(from);
+    }
+    rows += 3;
+  }
+  PHt.conservativeResize(Eigen::NoChange, rows);
+  return Correction(std::move(PHt), S.topLeftCorner(rows, rows), innovation.head(rows));
+}
+
 } // namespace
 
 FrameOutcome FrameUpdate::apply(State& state, const StereoFrame& frame, std::vector<Observation> observations,
@@ -59,20 +80,22 @@ bool FrameUpdate::mayBeManoeuvre(const std::vector<Observation>& observations,
 bool FrameUpdate::allowManoeuvre(State& state, const StereoFrame& frame,
                                  std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const {
   state.disturb(manoeuvre.dt, {config_.manoeuvre_density, Vector6d::Zero()});
-  if (manoeuvre.gyro) {
-    const double sigma = config_.gyro_sigma;
-    measureTwist(state, 3, manoeuvre.gyro->angular_velocity,
-                 manoeuvre.gyro->covariance.value_or(sigma * sigma * Eigen::Matrix3d::Identity()));
-  }
+  if (manoeuvre.gyro) measureTwist(state, 3, manoeuvre.gyro->angular_velocity, *manoeuvre.gyro->covariance);
   std::vector<Observation> moved;
   for (const Observation& observation : observations) {
-    auto again = model_.observe(state, observation.landmark, frame.features[observation.feature].pixels);
+    const auto again = observeAgain(state, frame, observation);
     if (!again) return false;
-    again->feature = observation.feature;
     moved.push_back(*again);
   }
   observations = std::move(moved);
   return true;
+}
+
+std::optional<Observation> FrameUpdate::observeAgain(const State& state, const StereoFrame& frame,
+                                                     const Observation& observation) const {
+  auto again = model_.observe(state, observation.landmark, frame.features[observation.feature].pixels);
+  if (again) again->feature = observation.feature;
+  return again;
 }
 
 /// Nothing when the frame contradicts the state as a whole.
@@ -90,24 +113,10 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
     outcome.nis_dof += 3;
   }
   outcome.used = choose(observations, S, nis);
-  // The chosen ones move to the front.
-  Eigen::Index rows = 0;
-  Eigen::VectorXd innovation(S.rows());
-  for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (!outcome.used[i]) continue;
-    const auto from = 3 * static_cast<Eigen::Index>(i);
-    innovation.segment<3>(rows) = observations[i].innovation;
-    if (from != rows) {
-      PHt.middleCols<3>(rows) = PHt.middleCols<3>(from);
-      S.middleCols<3>(rows) = S.middleCols<3>(from);
-      S.middleRows<3>(rows) = S.middleRows<3>(from);
-    }
-    rows += 3;
-  }
-  if (rows == 0) return std::nullopt;
-  PHt.conservativeResize(Eigen::NoChange, rows);
-  Correction correction(std::move(PHt), S.topLeftCorner(rows, rows), innovation.head(rows));
-  if (!correction.isValid() || !(correction.nis() <= config_.frame_gate * static_cast<double>(rows)))
+  const auto used = std::count(outcome.used.begin(), outcome.used.end(), true);
+  if (used == 0) return std::nullopt;
+  Correction correction = correctionBy(observations, outcome.used, std::move(PHt), std::move(S));
+  if (!correction.isValid() || !(correction.nis() <= config_.frame_gate * 3.0 * static_cast<double>(used)))
     return std::nullopt;
   // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
   const Vector6d twist = correction.error().segment<6>(kTwist);
@@ -135,21 +144,25 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
   std::vector<std::size_t> index;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (outcome.used[i]) continue;
-    const auto observation =
-        model_.observe(state, observations[i].landmark, frame.features[observations[i].feature].pixels);
+    const auto observation = observeAgain(state, frame, observations[i]);
     if (!observation) continue;
-    const std::vector<Observation> one{*observation};
-    const Eigen::Matrix3d S = model_.innovationCovariance(one, model_.crossCovariance(state, one));
-    if (normalisedInnovationSquared(*observation, S) < config_.gate) {
-      again.push_back(*observation);
-      index.push_back(i);
-    }
+    again.push_back(*observation);
+    index.push_back(i);
   }
   if (again.empty()) return;
   Eigen::MatrixXd PHt = model_.crossCovariance(state, again);
-  const Eigen::MatrixXd S = model_.innovationCovariance(again, PHt);
-  if (!state.apply(Correction(std::move(PHt), S, stackInnovations(again)), &model_.rig().cam_T_imu)) return;
-  for (const std::size_t i : index) outcome.used[i] = true;
+  Eigen::MatrixXd S = model_.innovationCovariance(again, PHt);
+  std::vector<bool> passes(again.size());
+  for (std::size_t i = 0; i < again.size(); ++i) {
+    const auto row = 3 * static_cast<Eigen::Index>(i);
+    passes[i] = normalisedInnovationSquared(again[i], S.block<3, 3>(row, row)) < config_.gate;
+  }
+  if (std::count(passes.begin(), passes.end(), true) == 0) return;
+  if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S)), &model_.rig().cam_T_imu))
+    return;
+  for (std::size_t i = 0; i < again.size(); ++i) {
+    if (passes[i]) outcome.used[index[i]] = true;
+  }
 }
 
 } // namespace vi_ekf_slam::invariant

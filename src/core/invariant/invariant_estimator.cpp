@@ -55,16 +55,17 @@ void InvariantEstimator::process(const GyroSample& sample) {
   standstill_.addGyro(sample.stamp, sample.angular_velocity - state_.bias().tail<3>(), noise,
                       state_.covariance().block<3, 3>(kBias + 3, kBias + 3));
   measure(3, sample.angular_velocity, noise);
-  last_gyro_ = sample;
+  last_gyro_ = GyroSample{sample.stamp, sample.angular_velocity, noise};
 }
 
 void InvariantEstimator::process(const VelocitySample& sample) {
   advanceTo(sample.stamp);
   const Eigen::Matrix3d noise = sample.covariance.value_or(isotropic(config_.velocity_sigma));
   gradeBias(0, noise, config_.velocity_sigma, velocity_graded_);
-  standstill_.addVelocity(sample.stamp, sample.linear_velocity - state_.bias().head<3>(), noise);
+  const Eigen::Vector3d velocity = sample.linear_velocity - state_.bias().head<3>();
+  standstill_.addVelocity(sample.stamp, velocity, noise);
   if (last_used_ >= kScaleFeatures) {
-    scale_.compare(sample.linear_velocity - state_.bias().head<3>(), noise, state_.twist().head<3>(),
+    scale_.compare(velocity, noise, state_.twist().head<3>(),
                    state_.covariance().block<3, 3>(kTwist, kTwist));
   }
   measure(0, sample.linear_velocity, noise);

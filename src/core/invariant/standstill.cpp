@@ -21,12 +21,6 @@ void forgetBefore(std::deque<T>& items, Stamp stamp) {
   while (!items.empty() && secondsBetween(items.front().stamp, stamp) > kWindow) items.pop_front();
 }
 
-Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& values) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& v : values) sum += v;
-  return sum / static_cast<double>(values.size());
-}
-
 } // namespace
 
 void StandstillDetector::addVelocity(Stamp stamp, const Eigen::Vector3d& velocity,
@@ -66,13 +60,8 @@ bool StandstillDetector::stands(Stamp now) const {
     return false;
   const Picture seen = picture(now);
   if (seen != Picture::kUnknown) return seen == Picture::kStill;
-  std::vector<Eigen::Vector3d> values, variances;
-  for (const Sample& s : velocities_) {
-    values.push_back(s.value);
-    variances.push_back(s.variance);
-  }
-  const double sigma = std::sqrt(mean(variances).maxCoeff() / static_cast<double>(values.size()));
-  return sigma < kTellingVelocity && mean(values).norm() < kSlowest;
+  const Mean velocity = meanOf(velocities_);
+  return std::sqrt(velocity.variance.maxCoeff()) < kTellingVelocity && velocity.value.norm() < kSlowest;
 }
 
 bool StandstillDetector::coversWindow(const std::deque<Sample>& samples, Stamp now) {
@@ -83,13 +72,21 @@ bool StandstillDetector::coversWindow(const std::deque<Sample>& samples, Stamp n
 
 bool StandstillDetector::agreesWithZero(const std::deque<Sample>& samples,
                                         const Eigen::Vector3d& bias_variance) {
-  std::vector<Eigen::Vector3d> values, variances;
+  const Mean mean = meanOf(samples);
+  const Eigen::Vector3d variance = mean.variance + bias_variance;
+  return (mean.value.array().square() <= kSigmas * kSigmas * variance.array()).all();
+}
+
+StandstillDetector::Mean StandstillDetector::meanOf(const std::deque<Sample>& samples) {
+  Mean mean;
   for (const Sample& s : samples) {
-    values.push_back(s.value);
-    variances.push_back(s.variance);
+    mean.value += s.value;
+    mean.variance += s.variance;
   }
-  const Eigen::Vector3d variance = mean(variances) / static_cast<double>(values.size()) + bias_variance;
-  return (mean(values).array().square() <= kSigmas * kSigmas * variance.array()).all();
+  const auto count = static_cast<double>(samples.size());
+  mean.value /= count;
+  mean.variance /= count * count;
+  return mean;
 }
 
 StandstillDetector::Picture StandstillDetector::picture(Stamp now) const {

@@ -198,10 +198,14 @@ void State::forget(Eigen::Index row, const Eigen::Vector3d& sigma) {
   covariance_.diagonal().segment<3>(row) = sigma.cwiseAbs2();
 }
 
-Matrix6d State::poseCovariance() const {
+Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& position) {
   Matrix6d J = Matrix6d::Identity();
-  J.topRightCorner<3, 3>() = -so3::hat(pose_.translation());
-  return J * covariance_.topLeftCorner<6, 6>() * J.transpose();
+  J.topRightCorner<3, 3>() = -so3::hat(position);
+  return J * covariance * J.transpose();
+}
+
+Matrix6d State::poseCovariance() const {
+  return alongWorldAxes(covariance_.topLeftCorner<6, 6>(), pose_.translation());
 }
 
 Eigen::Matrix3d State::landmarkCovariance(std::size_t index) const {

@@ -22,7 +22,7 @@ struct FrameOutcome {
 /// What is needed to believe that the body turned harder than the model of motion allows: a bump, a kerb.
 struct Manoeuvre {
   double dt = 0.0;                ///< s since the last frame
-  std::optional<GyroSample> gyro; ///< the last sample, if it belongs to this interval
+  std::optional<GyroSample> gyro; ///< the last sample, with covariance, if it belongs to this interval
 };
 
 /// Corrects the state with the observations of one frame: consensus, plausibility of the whole, rescue.
@@ -46,6 +46,8 @@ class FrameUpdate {
   bool mayBeManoeuvre(const std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const;
   bool allowManoeuvre(State& state, const StereoFrame& frame, std::vector<Observation>& observations,
                       const Manoeuvre& manoeuvre) const;
+  std::optional<Observation> observeAgain(const State& state, const StereoFrame& frame,
+                                          const Observation& observation) const;
   void rescue(State& state, const StereoFrame& frame, const std::vector<Observation>& observations,
               FrameOutcome& outcome) const;
 

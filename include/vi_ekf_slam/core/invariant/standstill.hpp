@@ -32,6 +32,10 @@ class StandstillDetector {
     Eigen::Vector3d value;
     Eigen::Vector3d variance; ///< of the white noise
   };
+  struct Mean {
+    Eigen::Vector3d value = Eigen::Vector3d::Zero();
+    Eigen::Vector3d variance = Eigen::Vector3d::Zero(); ///< of the mean
+  };
   struct Flow {
     Stamp stamp;
     double median; ///< px
@@ -40,6 +44,7 @@ class StandstillDetector {
 
   static bool coversWindow(const std::deque<Sample>& samples, Stamp now);
   static bool agreesWithZero(const std::deque<Sample>& samples, const Eigen::Vector3d& bias_variance);
+  static Mean meanOf(const std::deque<Sample>& samples);
   Picture picture(Stamp now) const;
 
   double still_px_;

@@ -27,6 +27,10 @@ struct Prior {
   Vector6d bias_sigma;  ///< m/s, rad/s
 };
 
+/// 6x6 of (xi_p, xi_R) as the covariance of (position, rotation) along the world axes for a body at
+/// `position` (world, m): dp = xi_p - [position]x xi_R.
+Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& position);
+
 /// A measurement that is ready to correct a state: PHt = P H^T (size() x rows), the factor of the
 /// innovation's covariance S = H P H^T + R (rows x rows), and the innovation.
 class Correction {
