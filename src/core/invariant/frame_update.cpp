@@ -21,11 +21,11 @@ Correction correctionBy(const std::vector<Observation>& observations, const std:
                         Eigen::MatrixXd PHt, Eigen::MatrixXd S) {
   // The chosen ones move to the front.
   Eigen::Index rows = 0;
-  Eigen::VectorXd innovation(S.rows());
+  std::vector<Observation> used;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (!chosen[i]) continue;
     const auto from = 3 * static_cast<Eigen::Index>(i);
-    innovation.segment<3>(rows) = observations[i].innovation;
+    used.push_back(observations[i]);
     if (from != rows) {
       PHt.middleCols<3>(rows) = PHt.middleCols<3>(from);
       S.middleCols<3>(rows) = S.middleCols<3>(from);
@@ -34,7 +34,8 @@ Correction correctionBy(const std::vector<Observation>& observations, const std:
     rows += 3;
   }
   PHt.conservativeResize(Eigen::NoChange, rows);
-  return Correction(std::move(PHt), S.topLeftCorner(rows, rows), innovation.head(rows));
+  return Correction(std::move(PHt), S.topLeftCorner(rows, rows), stackInnovations(used),
+                    measurementMatrix(used));
 }
 
 } // namespace

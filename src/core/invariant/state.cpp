@@ -3,9 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
+#include "vi_ekf_slam/core/invariant/symmetric.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -15,7 +17,9 @@ using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 
 } // namespace
 
-State::State(const Prior& prior) : covariance_(Eigen::MatrixXd::Zero(kLandmarks + 300, kLandmarks + 300)) {
+State::State(const Prior& prior, bool keeps_inactive)
+    : covariance_(Eigen::MatrixXd::Zero(kLandmarks + 300, kLandmarks + 300)) {
+  if (keeps_inactive) inactive_.emplace();
   auto variances = covariance_.diagonal();
   variances.segment<6>(kPosition) = prior.pose_sigma.cwiseAbs2();
   variances.segment<6>(kTwist) = prior.twist_sigma.cwiseAbs2();
@@ -35,11 +39,16 @@ State::Columns6 State::twistInfluence(double dt, const SE3& start) const {
 }
 
 void State::propagate(double dt, const ProcessNoise& noise) {
-  const Columns6 G = twistInfluence(dt, pose_);
+  Columns6 G = twistInfluence(dt, pose_);
   auto P = covariance_.topLeftCorner(size(), size());
   const Matrix6d twist_covariance = P.block<6, 6>(kTwist, kTwist);
   addTwistNoise(G, dt, noise, P.middleCols<6>(kTwist), twist_covariance);
   pose_ = (pose_ * SE3::Exp(dt * twist_)).normalized();
+  record(Propagation{std::move(G)});
+}
+
+void State::record(DeferredStep step) {
+  if (inactive_) inactive_->record(std::move(step), size());
 }
 
 void State::disturb(double dt, const ProcessNoise& noise) {
@@ -66,12 +75,13 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
 }
 
-Correction::Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation)
-    : PHt_(std::move(PHt)), llt_(S) {
+Correction::Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation,
+                       SparseRows H)
+    : PHt_(std::move(PHt)), llt_(S), H_(std::move(H)) {
   if (llt_.info() != Eigen::Success) return;
-  const Eigen::VectorXd weighted = llt_.solve(innovation);
-  nis_ = innovation.dot(weighted);
-  error_.noalias() = PHt_ * weighted;
+  whitened_ = llt_.matrixL().solve(innovation);
+  nis_ = whitened_.squaredNorm();
+  error_.noalias() = PHt_ * llt_.matrixU().solve(whitened_);
   valid_ = nis_ >= 0.0 && error_.allFinite();
 }
 
@@ -79,33 +89,21 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   if (!correction.isValid()) return false;
   // P - K H P = P - A A^T with A = P H^T L^-T: symmetric by construction.
   Eigen::MatrixXd& A = correction.PHt_;
+  if (inactive_ && correction.H_.rows() != A.cols())
+    throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
   correction.llt_.matrixU().solveInPlace<Eigen::OnTheRight>(A);
   if (!A.allFinite()) return false;
   auto P = covariance_.topLeftCorner(size(), size());
   P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
-  mirror();
-  const std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
+  mirrorLower(P);
+  std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
   if (!M.empty()) transport(M);
-  return true;
-}
-
-/// The lower triangle onto the upper one, block by block for the cache's sake.
-void State::mirror() {
-  constexpr Eigen::Index kBlock = 32;
-  const Eigen::Index n = size();
-  auto P = covariance_.topLeftCorner(n, n);
-  for (Eigen::Index column = 0; column < n; column += kBlock) {
-    const Eigen::Index columns = std::min(kBlock, n - column);
-    for (Eigen::Index row = column; row < n; row += kBlock) {
-      const Eigen::Index rows = std::min(kBlock, n - row);
-      if (row == column) {
-        P.block(row, column, rows, columns).triangularView<Eigen::StrictlyUpper>() =
-            P.block(row, column, rows, columns).transpose();
-      } else {
-        P.block(column, row, columns, rows) = P.block(row, column, rows, columns).transpose();
-      }
-    }
+  if (inactive_) {
+    record(KalmanUpdate{std::move(A), correction.llt_.matrixLLT(), std::move(correction.H_),
+                  std::move(correction.whitened_)});
+    if (!M.empty()) record(Transport{std::move(M)});
   }
+  return true;
 }
 
 /// Moves the mean by the error. What was learned is mostly recent (this step's motion, a landmark's depth),
@@ -159,7 +157,7 @@ void State::transport(const std::vector<Eigen::Matrix3d>& M) {
       own = (position + M[j] * (own - position)).eval();
     }
   }
-  mirror();
+  mirrorLower(P);
 }
 
 void State::reserve(Eigen::Index size) {
@@ -177,9 +175,15 @@ void State::addLandmark(FeatureId id, const Eigen::Vector3d& position, const Eig
   covariance_.block(0, n, n, 3) = covariance_.block(0, kPosition, n, 3);
   covariance_.block<3, 3>(n, n) = covariance_.block<3, 3>(kPosition, kPosition) + noise;
   landmarks_.push_back({id, position, 1});
+  record(Birth{});
 }
 
 void State::removeLandmark(std::size_t index) {
+  dropLandmark(index);
+  record(Removal{offsetOf(index)});
+}
+
+void State::dropLandmark(std::size_t index) {
   const Eigen::Index n = size(), last = n - 3, gone = offsetOf(index);
   if (gone != last) {
     const Rows3 rows = covariance_.block(last, 0, 3, n);
@@ -196,6 +200,18 @@ void State::forget(Eigen::Index row, const Eigen::Vector3d& sigma) {
   covariance_.block(row, 0, 3, size()).setZero();
   covariance_.block(0, row, size(), 3).setZero();
   covariance_.diagonal().segment<3>(row) = sigma.cwiseAbs2();
+  record(Oblivion{row});
+}
+
+void State::loosen(const Matrix6d& noise) {
+  Columns6 G = Columns6::Zero(size(), 6);
+  G.topRows<6>().setIdentity();
+  for (std::size_t i = 0; i < landmarks_.size(); ++i)
+    G.middleRows<3>(offsetOf(i)).leftCols<3>().setIdentity();
+  const Columns6 moved = G * noise;
+  auto P = covariance_.topLeftCorner(size(), size());
+  P.noalias() += moved * G.transpose();
+  mirrorLower(P);
 }
 
 Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& position) {

@@ -89,4 +89,15 @@ Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {
   return innovations;
 }
 
+SparseRows measurementMatrix(const std::vector<Observation>& observations) {
+  SparseRows H(rowsOf(observations));
+  Eigen::Index row = 0;
+  for (const Observation& o : observations) {
+    H.add(row, State::offsetOf(o.landmark), o.jacobian);
+    H.add(row, kPosition, -o.jacobian);
+    row += 3;
+  }
+  return H;
+}
+
 } // namespace vi_ekf_slam::invariant

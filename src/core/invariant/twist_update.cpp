@@ -12,14 +12,19 @@ void measureTwist(State& state, Eigen::Index axis, const Eigen::Vector3d& measur
   const Eigen::Matrix3d S = PHt.middleRows<3>(twist) + PHt.middleRows<3>(bias) + noise;
   const Eigen::Vector3d innovation =
       measured - state.twist().segment<3>(axis) - state.bias().segment<3>(axis);
-  state.apply(Correction(std::move(PHt), S, innovation));
+  SparseRows H(3);
+  H.add(0, twist, Eigen::Matrix3d::Identity());
+  H.add(0, bias, Eigen::Matrix3d::Identity());
+  state.apply(Correction(std::move(PHt), S, innovation, std::move(H)));
 }
 
 void measureStandstill(State& state, const Vector6d& sigma) {
   Eigen::MatrixXd PHt = state.covariance().middleCols<6>(kTwist);
   Matrix6d S = PHt.middleRows<6>(kTwist);
   S.diagonal() += sigma.cwiseAbs2();
-  state.apply(Correction(std::move(PHt), S, -state.twist()));
+  SparseRows H(6);
+  for (const Eigen::Index axis : {0, 3}) H.add(axis, kTwist + axis, Eigen::Matrix3d::Identity());
+  state.apply(Correction(std::move(PHt), S, -state.twist(), std::move(H)));
 }
 
 } // namespace vi_ekf_slam::invariant

@@ -5,6 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "vi_ekf_slam/core/invariant/inactive_map.hpp"
+#include "vi_ekf_slam/core/invariant/landmark.hpp"
 #include "vi_ekf_slam/core/measurement.hpp"
 #include "vi_ekf_slam/core/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
@@ -13,12 +15,6 @@ namespace vi_ekf_slam::invariant {
 
 /// Where the parts of the error vector begin. Landmark i's three rows begin at kLandmarks + 3 i.
 constexpr Eigen::Index kPosition = 0, kRotation = 3, kTwist = 6, kBias = 12, kLandmarks = 18;
-
-struct Landmark {
-  FeatureId id = 0;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero(); ///< world, m
-  std::size_t observations = 1;                       ///< that corrected the state, the first one included
-};
 
 /// Standard deviations of the state before anything was measured, per axis.
 struct Prior {
@@ -35,8 +31,9 @@ Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& posit
 /// innovation's covariance S = H P H^T + R (rows x rows), and the innovation.
 class Correction {
  public:
-  /// Of `S` only the lower triangle is read.
-  Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation);
+  /// Of `S` only the lower triangle is read. `H` may be left out for a state that keeps no inactive landmarks.
+  Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation,
+             SparseRows H = SparseRows(0));
 
   /// Whether S is positive definite and all of this finite; else it cannot be applied.
   bool isValid() const { return valid_; }
@@ -50,6 +47,8 @@ class Correction {
 
   Eigen::MatrixXd PHt_;
   Eigen::LLT<Eigen::MatrixXd> llt_;
+  SparseRows H_;
+  Eigen::VectorXd whitened_; // L^-1 innovation
   Eigen::VectorXd error_;
   double nis_ = 0.0;
   bool valid_ = false;
@@ -70,9 +69,11 @@ struct ProcessNoise {
 /// stacked as (xi_p, xi_R, dnu, db, e_1, e_2, ...), world axes for xi and e. A rotation or shift of the whole
 /// world is a direction of this error that does not depend on the estimate, so no update can gain
 /// information about it. The covariance changes only through the operations below; all keep it symmetric.
+///
+/// Landmarks out of view can stay in the joint covariance as inactive ones (see InactiveMap).
 class State {
  public:
-  explicit State(const Prior& prior);
+  explicit State(const Prior& prior, bool keeps_inactive = false);
 
   const SE3& pose() const { return pose_; }
   const Vector6d& twist() const { return twist_; }
@@ -92,7 +93,8 @@ class State {
   void disturb(double dt, const ProcessNoise& noise);
 
   /// Kalman update by a correction made from this state. With `cam_T_imu` landmarks before the camera are
-  /// corrected in inverse depth (see retract). False, and no change, when it is not valid.
+  /// corrected in inverse depth (see retract). False, and no change, when it is not valid. Throws std::logic_error for
+  /// a correction without H where inactive landmarks are kept.
   bool apply(Correction correction, const SE3* cam_T_imu = nullptr);
 
   /// Adds the landmark at `position` (world), seen from here with position noise covariance `noise` (3x3,
@@ -101,6 +103,25 @@ class State {
 
   /// Marginalises a landmark; the last one takes its place.
   void removeLandmark(std::size_t index);
+
+  /// Whether landmarks out of view can be kept; if so, they are in inactive().
+  bool keepsInactive() const { return inactive_.has_value(); }
+  const InactiveMap& inactive() const { return *inactive_; }
+
+  /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id.
+  void deactivateLandmark(std::size_t index);
+
+  /// Brings inactive landmarks back as the last active ones, in this order, after settling what was deferred. Throws
+  /// std::out_of_range for an id that is not inactive.
+  void activateLandmarks(const std::vector<FeatureId>& ids);
+
+  /// See InactiveMap::marginaliseOldest and InactiveMap::estimates.
+  std::vector<InactiveLandmark> marginaliseOldest(std::size_t count);
+  std::vector<InactiveLandmark> inactiveLandmarks(InactiveMap::Covariances covariances) const;
+
+  /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of all that is active together: pose and
+  /// landmarks in view move rigidly, past the inactive ones. No measurement of the active ones sees it.
+  void loosen(const Matrix6d& noise);
 
   void countObservation(std::size_t index) { ++landmarks_[index].observations; }
 
@@ -122,7 +143,8 @@ class State {
                      const Matrix6d& twist_covariance);
   std::vector<Eigen::Matrix3d> retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
   void transport(const std::vector<Eigen::Matrix3d>& M);
-  void mirror();
+  void record(DeferredStep step);
+  void dropLandmark(std::size_t index);
   void reserve(Eigen::Index size);
 
   SE3 pose_;
@@ -130,6 +152,7 @@ class State {
   Vector6d bias_ = Vector6d::Zero();
   std::vector<Landmark> landmarks_;
   Eigen::MatrixXd covariance_; // capacity; the top left size() x size() is in use
+  std::optional<InactiveMap> inactive_;
 };
 
 } // namespace vi_ekf_slam::invariant

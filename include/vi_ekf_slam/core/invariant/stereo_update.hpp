@@ -66,4 +66,7 @@ double normalisedInnovationSquared(const Observation& observation, const Eigen::
 /// The innovations of all observations, one after the other.
 Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations);
 
+/// H of all observations, three rows each.
+SparseRows measurementMatrix(const std::vector<Observation>& observations);
+
 } // namespace vi_ekf_slam::invariant

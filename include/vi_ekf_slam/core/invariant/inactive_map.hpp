@@ -1,0 +1,114 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <unordered_set>
+#include <vector>
+
+#include "vi_ekf_slam/core/invariant/deferred_step.hpp"
+#include "vi_ekf_slam/core/invariant/landmark.hpp"
+
+namespace vi_ekf_slam::invariant {
+
+/// A landmark out of view and the covariance (3x3, m^2, world axes) of its error d = m - m^.
+struct InactiveLandmark {
+  Landmark landmark;
+  Eigen::Matrix3d covariance;
+};
+
+/// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and at no
+/// cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what the active
+/// state's updates do to them is linear in their covariance with it, so it can wait: the steps are kept in a journal,
+/// which copies share, and are settled together when a landmark is wanted back.
+class InactiveMap {
+ public:
+  using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+
+  std::size_t size() const { return settled_->landmarks.size() + departures_.size(); }
+  bool contains(FeatureId id) const { return ids_.count(id) != 0; }
+
+  /// The active state moved by `step`, to `size` rows.
+  void record(DeferredStep step, Eigen::Index size);
+
+  /// Landmark `landmark`, whose rows begin at `row`, leaves the active state and the last landmark takes its place, so
+  /// that `size` rows are left: `covariance` of its error d, and `cross` (size x 3) of the active errors with d. Its id
+  /// must not be held already.
+  void add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross, Eigen::Index row,
+           Eigen::Index size);
+
+  /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks to
+  /// return. The cost is that of size() updates of the joint covariance.
+  void settle(Eigen::Index size, std::size_t arrivals);
+
+  /// A landmark of the settled map, and the covariance of its d with the errors d of the landmarks that stay (3 x 3k).
+  struct Taken {
+    InactiveLandmark inactive;
+    Columns3 cross; ///< of the active errors with d
+    Eigen::Matrix<double, 3, Eigen::Dynamic> others;
+  };
+  /// Takes a landmark out. To be called between settle and the next step. Throws std::out_of_range for an id that is
+  /// not held.
+  Taken take(FeatureId id);
+  /// Three more rows of the active state, whose covariance with the d of the settled landmarks is `rows` (3 x 3k).
+  void appendActive(const Eigen::Matrix<double, 3, Eigen::Dynamic>& rows);
+  /// Covariance of the active errors with the d of the settled landmarks (n x 3k).
+  auto settledCross() const {
+    return settled_->cross.topLeftCorner(settled_->rows, 3 * settledCount());
+  }
+
+  /// Marginalises the `count` landmarks that are longest out of view: the rest stays exact. Returns them as
+  /// `estimates` would.
+  std::vector<InactiveLandmark> marginaliseOldest(std::size_t count, Eigen::Index size);
+
+  enum class Covariances { kLastSettled, kExact };
+  /// All landmarks, at the means of now. Their covariances either exactly, at the cost of going through the journal,
+  /// or as they were when last settled, which is never less.
+  std::vector<InactiveLandmark> estimates(Eigen::Index size, Covariances covariances) const;
+
+  /// What settle would cost now, in floating-point operations.
+  double settlingCost(Eigen::Index size) const;
+  /// Memory held, bytes.
+  std::size_t bytes() const;
+
+ private:
+  /// A landmark that left since the map was last settled.
+  struct Departure {
+    InactiveLandmark inactive;
+    Columns3 cross;
+    std::uint64_t serial;
+  };
+  struct Chunk {
+    std::vector<DeferredStep> steps;
+    std::uint64_t last_serial = 0; ///< of the departures until its end
+  };
+  struct Settled {
+    std::vector<Landmark> landmarks;
+    std::vector<std::uint64_t> serials; ///< the smaller, the longer out of view
+    Eigen::Index rows = 0;              ///< of `cross` in use: the active errors when last settled
+    Eigen::MatrixXd covariance;         ///< of the errors d; the top left part is in use
+    Eigen::MatrixXd cross;              ///< of the active errors with d; the top left part is in use
+  };
+
+  Eigen::Index settledCount() const { return static_cast<Eigen::Index>(settled_->landmarks.size()); }
+  Settled& ownSettled();
+  const Departure* departureOf(const Removal& removal) const;
+  void closeChunk();
+  void forgetSteps();
+  template <class AtDeparture>
+  void goBack(BackwardSweep& sweep, const Chunk& chunk, AtDeparture&& at_departure) const;
+  void eraseSettled(std::size_t index);
+
+  std::shared_ptr<Settled> settled_ = std::make_shared<Settled>(); // copied before a change while it is shared
+  std::deque<std::shared_ptr<const Departure>> departures_;        // serials are consecutive
+  std::deque<std::shared_ptr<const Chunk>> journal_;
+  Chunk open_;
+  std::unordered_set<FeatureId> ids_;
+  std::uint64_t last_serial_ = 0;
+  Eigen::Index largest_ = 0; // size of the active state since the journal begins
+  std::size_t journal_bytes_ = 0;
+  double journal_cost_ = 0.0; // of a sweep through it, operations
+};
+
+} // namespace vi_ekf_slam::invariant

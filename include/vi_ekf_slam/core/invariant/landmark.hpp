@@ -1,0 +1,16 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+
+namespace vi_ekf_slam::invariant {
+
+struct Landmark {
+  FeatureId id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(); ///< world, m
+  std::size_t observations = 1;                       ///< that corrected the state, the first one included
+};
+
+} // namespace vi_ekf_slam::invariant

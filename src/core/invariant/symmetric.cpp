@@ -1,0 +1,24 @@
+#include "vi_ekf_slam/core/invariant/symmetric.hpp"
+
+#include <algorithm>
+
+namespace vi_ekf_slam::invariant {
+
+void mirrorLower(Eigen::Ref<Eigen::MatrixXd> matrix) {
+  constexpr Eigen::Index kBlock = 32;
+  const Eigen::Index n = matrix.rows();
+  for (Eigen::Index column = 0; column < n; column += kBlock) {
+    const Eigen::Index columns = std::min(kBlock, n - column);
+    for (Eigen::Index row = column; row < n; row += kBlock) {
+      const Eigen::Index rows = std::min(kBlock, n - row);
+      if (row == column) {
+        matrix.block(row, column, rows, columns).triangularView<Eigen::StrictlyUpper>() =
+            matrix.block(row, column, rows, columns).transpose();
+      } else {
+        matrix.block(column, row, columns, rows) = matrix.block(row, column, rows, columns).transpose();
+      }
+    }
+  }
+}
+
+} // namespace vi_ekf_slam::invariant
