@@ -67,9 +67,15 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
   section.read("scale_significance", Range::positive(), invariant.scale_significance);
-  section.read("map_min_observations", Range::closed(1.0, 1e6), invariant.map_min_observations);
-  section.read("map_max_landmarks", Range::closed(0.0, 1e9), invariant.map_max_landmarks);
   checkDepths(section, invariant.min_depth_m, invariant.max_depth_m);
+  section.finish();
+}
+
+void readMap(YamlSection section, MapConfig& map) {
+  section.readChoice<MapKeep>(
+      "keep", {{"none", MapKeep::kNone}, {"good", MapKeep::kGood}, {"all", MapKeep::kAll}}, map.keep);
+  section.read("min_observations", Range::closed(1.0, 1e6), map.min_observations);
+  section.read("max_landmarks", Range::closed(0.0, 20000.0), map.max_landmarks);
   section.finish();
 }
 
@@ -84,6 +90,7 @@ Config parseConfig(const std::string& yaml, const std::string& source,
                                  config.estimator);
   readBuffer(root.section("buffer"), config.buffer, config.rig_wait_s);
   readInvariant(root.section("invariant"), config.invariant);
+  readMap(root.section("map"), config.invariant.map);
   readPaper(root.section("paper"), config.paper);
   for (const auto& section : other_sections) root.allow(section);
   root.finish();

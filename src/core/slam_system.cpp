@@ -105,6 +105,7 @@ void SlamSystem::process(const Measurement& measurement) {
     counts_.features_used += report.used;
     counts_.features_rejected += report.rejected;
     counts_.frames_rejected += report.frame_rejected ? 1 : 0;
+    counts_.landmarks_revisited += report.revisited;
     if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
   }
 }

@@ -112,6 +112,7 @@ void Diagnostics::drops(Status& status) {
   }
   status.add("frames without calibration", c.frames_without_rig);
   status.add("frames rejected", c.frames_rejected);
+  status.add("landmarks revisited", c.landmarks_revisited);
   status.add("resets", c.resets);
   for (const auto& [reason, count] : intake_.turnedAway()) status.add(reason, count);
 }

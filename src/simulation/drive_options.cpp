@@ -92,6 +92,7 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"outlier-fraction", &O::outlier_fraction, 0, 1, "", "tracks that are wrong matches or slide"},
       {"moving-objects", &O::moving_objects, 0, 50, "", "other cars at a time, 5 to 10 features each"},
       {"stale-fraction", &O::stale_fraction, 0, 0.3, "", "frames that repeat the pixels of the frame before"},
+      {"strength-spread", &O::strength_spread, 0, 10, "", "sigma of the points' log strength; 3: mostly the same are detected"},
       {"ids-return", &O::ids_return, 0, 1, "", "whether a landmark seen again has its old id"},
       {"min-depth", &O::min_depth, 0.5, 100, "m", "nearest landmark used"},
       {"max-depth", &O::max_depth, 5, 1000, "m", "farthest landmark used"},

@@ -7,7 +7,7 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kSceneStream = 2;
+constexpr std::uint64_t kSceneStream = 2, kStrengthStream = 9;
 constexpr double kFacade = 9.0;         // m from the path to the houses on either side
 constexpr double kBeyond = 130.0;       // m that a street runs on beyond a corner
 constexpr double kPointsPerMetre = 6.0; // of a facade
@@ -39,6 +39,9 @@ StreetScene::StreetScene(const DriveOptions& options, const View& view)
   addFacades();
   addStreetsBeyond();
   addFurniture();
+  Random random(options.seed, kStrengthStream);
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    strengths_.push_back(std::exp(options.strength_spread * random.normal()));
 }
 
 void StreetScene::add(double x, double y, double z) {
@@ -109,7 +112,7 @@ std::vector<ScenePoint> StreetScene::detect(const SE3& world_T_cam, std::size_t 
     const Eigen::Vector3d p = cam_T_world * points_[i];
     if (!view_.sees(p) || std::binary_search(taken.begin(), taken.end(), i)) continue;
     if (occluded(world_T_cam.translation(), points_[i])) continue;
-    candidates.emplace_back(random_.exponential() * p.z(), i);
+    candidates.emplace_back(random_.exponential() * p.z() / strengths_[i], i);
   }
   count = std::min(count, candidates.size());
   std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(count),

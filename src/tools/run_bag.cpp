@@ -77,9 +77,9 @@ int run(const RunBagOptions& options) {
   progress.finish();
   if (problem.empty()) problem = inputProblem(system, intake, writer);
 
+  const auto landmarks = system.estimator().exactLandmarks();
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
   const RunSummary summary{options.bag, options.config, wall.count(), system.counts(), intake.turnedAway()};
-  const auto landmarks = system.estimator().landmarks();
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());

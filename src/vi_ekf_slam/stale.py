@@ -3,7 +3,8 @@
 On a stale frame every surviving track repeats all four pixel numbers of the frame before bit for bit, while new tracks
 appear: the front end detected anew there and did not track. From the next frame on the same index follows whatever
 scene patch lay under the old pixel, which is another point in the world. So the old identity ends at the frame before,
-and a new one starts at the stale frame.
+and a new one starts at the stale frame. An index that comes back after a gap was detected by what it looks like, so it
+has its own identity again.
 
 A frame is stale when at least MIN_REPEATED surviving tracks repeat, and they are at least MIN_FRACTION of all
 survivors. On the known drives the fraction is 1 on stale frames (25 tracks or more) and 0 on all others, so the
@@ -37,8 +38,8 @@ def is_stale(survivors, repeated):
 def assign_ids(features, seen, repair=True):
     """Track identities per landmark and frame.
 
-    features: (4, M, T) px. seen: (M, T) bool. Landmark m keeps the id m until a stale frame ends it; new ids count
-    upwards from M, frame by frame and in the order of m, so they are the same in every run. Stale frames may follow
+    features: (4, M, T) px. seen: (M, T) bool. Landmark m has the id m until a stale frame ends it, and again after
+    a frame without it; new ids count upwards from M, frame by frame and in the order of m, so they are the same in every run. Stale frames may follow
     each other. With repair=False stale frames are found and counted but ids stay m.
     """
     landmarks, frames = seen.shape
@@ -47,6 +48,8 @@ def assign_ids(features, seen, repair=True):
     stale_frames, next_id = [], landmarks
     for k in range(frames):
         if k > 0:
+            begins = seen[:, k] & ~seen[:, k - 1]
+            current[begins] = np.flatnonzero(begins)
             survivors, repeated = repeated_tracks(features, seen, k)
             count = int(repeated.sum())
             if is_stale(int(survivors.sum()), count):

@@ -54,6 +54,17 @@ def test_consecutive_stale_frames():
     assert list(result.ids[1]) == [1, 1, 6, 11, 11]
 
 
+def test_an_index_that_comes_back_is_itself_again():
+    features = moving_tracks(6, 7)
+    repeat(features, 2)
+    features[:, 1, 4] = -1.0
+    features[:, 2, 0:2] = -1.0  # gone before the stale frame
+    features[:, 2, 2] = 50.0
+    result = ids_of(features)
+    assert list(result.ids[1]) == [1, 1, 7, 7, -1, 1, 1]
+    assert list(result.ids[2]) == [-1, -1, 2, 2, 2, 2, 2]
+
+
 def test_three_equal_numbers_of_four_are_not_a_repetition():
     features = moving_tracks(6, 4)
     features[:3, :, 2] = features[:3, :, 1]

@@ -38,8 +38,10 @@ struct FrameReport {
   std::size_t used = 0;    ///< corrected the state
   std::size_t rejected = 0;    ///< contradicted the state (gate, consensus)
   std::size_t initialised = 0; ///< became landmarks
-  std::size_t removed = 0;     ///< landmarks taken out of the state
-  std::size_t landmarks = 0;   ///< in the state after the frame
+  std::size_t removed = 0;     ///< landmarks that are no longer active
+  std::size_t revisited = 0;   ///< landmarks found to be ones that were seen before
+  std::size_t landmarks = 0;   ///< in the state after the frame, active
+  std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
   /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be judged: the
   /// mean of their ratio is 1. 0 where nothing was used.
@@ -64,8 +66,10 @@ class Estimator {
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 
-  /// Every landmark the estimator holds, ordered by id.
+  /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller since.
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
+  /// The same with the covariances of now, which may take as long as some seconds of the drive did.
+  virtual std::vector<LandmarkEstimate> exactLandmarks() const { return landmarks(); }
 };
 
 struct Config;

@@ -49,7 +49,10 @@ struct DriveOptions {
   int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
   double stale_fraction = 0.09;   ///< of the frames: re-detections that repeat the surviving tracks' pixels
   bool ids_return = false;        ///< whether a landmark that is detected again has its old id
-  double min_depth = 3.0;         ///< m
+  /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another, with 3 it is
+  /// nearly always the same ones.
+  double strength_spread = 0.0;
+  double min_depth = 3.0; ///< m
   double max_depth = 150.0;       ///< m
 
   double twist_decay = 0.0;    ///< s, time constant back to the nominal twist; 0: never, an exact random walk

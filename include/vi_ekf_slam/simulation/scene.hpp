@@ -66,6 +66,7 @@ class StreetScene : public Scene {
   Random random_;
   SE3 path_T_world_;
   std::vector<Eigen::Vector3d> points_; ///< world, m
+  std::vector<double> strengths_;       ///< the stronger, the more easily detected
 };
 
 /// Points that come into being wherever the camera looks. They are in nobody's way and never return.

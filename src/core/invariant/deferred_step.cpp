@@ -34,13 +34,15 @@ BackwardSweep::BackwardSweep(Eigen::Index size, Eigen::Index capacity, bool with
 }
 
 void BackwardSweep::startRows() {
-  rows_ = Eigen::MatrixXd::Identity(size_, rows_.cols());
+  row_count_ = 0;
+  appendRows(Eigen::MatrixXd::Identity(size_, size_));
 }
 
 void BackwardSweep::appendRows(const Eigen::MatrixXd& rows) {
-  const Eigen::Index before = rows_.rows();
-  rows_.conservativeResize(before + rows.rows(), Eigen::NoChange);
-  rows_.bottomRows(rows.rows()).leftCols(size_) = rows;
+  const Eigen::Index needed = row_count_ + rows.rows();
+  if (needed > rows_.rows()) rows_.conservativeResize(2 * needed, Eigen::NoChange);
+  rows_.block(row_count_, 0, rows.rows(), size_) = rows;
+  row_count_ = needed;
 }
 
 void BackwardSweep::back(const DeferredStep& step) {
@@ -111,7 +113,8 @@ void BackwardSweep::back(const Transport& step) {
 
 void BackwardSweep::back(const Birth&) {
   const Eigen::Index n = size_ - 3;
-  rows_.middleCols<3>(kPosition) += rows_.middleCols<3>(n);
+  auto rows = activeRows();
+  rows.middleCols<3>(kPosition) += rows.middleCols<3>(n);
   correction_.segment<3>(kPosition) += correction_.segment<3>(n);
   if (with_information_) {
     auto information = activeInformation();
@@ -124,8 +127,9 @@ void BackwardSweep::back(const Birth&) {
 void BackwardSweep::back(const Removal& step) {
   const Eigen::Index n = size_, row = step.row;
   size_ = n + 3;
-  rows_.middleCols<3>(n).setZero();
-  rows_.middleCols<3>(row).swap(rows_.middleCols<3>(n));
+  auto rows = activeRows();
+  rows.middleCols<3>(n).setZero();
+  rows.middleCols<3>(row).swap(rows.middleCols<3>(n));
   correction_.segment<3>(n).setZero();
   correction_.segment<3>(row).swap(correction_.segment<3>(n));
   if (!with_information_) return;
@@ -137,7 +141,7 @@ void BackwardSweep::back(const Removal& step) {
 }
 
 void BackwardSweep::back(const Oblivion& step) {
-  rows_.middleCols<3>(step.row).setZero();
+  activeRows().middleCols<3>(step.row).setZero();
   correction_.segment<3>(step.row).setZero();
   if (!with_information_) return;
   information_.middleCols<3>(step.row).setZero();

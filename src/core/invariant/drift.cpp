@@ -17,6 +17,12 @@ void Drift::turn(const Eigen::Vector3d& position, const Eigen::Vector3d& varianc
   covariance_ += J * variances.asDiagonal() * J.transpose();
 }
 
+Matrix6d Drift::take() {
+  const Matrix6d taken = covariance_;
+  covariance_.setZero();
+  return taken;
+}
+
 Matrix6d Drift::ofPose(const Eigen::Vector3d& position) const {
   return alongWorldAxes(covariance_, position);
 }

@@ -74,7 +74,7 @@ void InactiveMap::forgetSteps() {
 
 void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross,
                       Eigen::Index row, Eigen::Index size) {
-  if (!ids_.insert(landmark.id).second)
+  if (!ids_.emplace(landmark.id, last_serial_ + 1).second)
     throw std::logic_error("landmark " + std::to_string(landmark.id) + " is held already");
   departures_.push_back(std::make_shared<const Departure>(
       Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
@@ -124,13 +124,14 @@ void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
   for (std::size_t end = journal_.size(); end > 0;) {
     const std::size_t begin = end > kChunksAtOnce ? end - kChunksAtOnce : 0;
     sweep.startRows();
-    const Eigen::Index here = sweep.size();
+    const Eigen::Index here = sweep.size(), first = rowsOf(landmarks.size());
+    std::vector<Columns3> with_here; // the chunks' departures with the active errors at their end
     for (; end > begin; --end) {
       goBack(sweep, *journal_[end - 1], [&](const Departure& departure, const Removal& removal) {
         const Columns3& c = departure.cross;
         const Eigen::Index column = rowsOf(landmarks.size());
         const Columns3 with = sweep.rows() * c;
-        columns.block(0, column, later.rows(), 3).noalias() = later * with.topRows(here);
+        with_here.push_back(with.topRows(here));
         columns.block(later.rows(), column, with.rows() - here, 3) = with.bottomRows(with.rows() - here);
         const Eigen::Matrix<double, 3, Eigen::Dynamic> learned = c.transpose() * sweep.information();
         columns.block<3, 3>(size + column, column) = departure.inactive.covariance - learned * c;
@@ -149,6 +150,9 @@ void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
         sweep.appendRows(before);
       });
     }
+    Eigen::MatrixXd with(here, rowsOf(with_here.size()));
+    for (std::size_t i = 0; i < with_here.size(); ++i) with.middleCols<3>(rowsOf(i)) = with_here[i];
+    columns.block(0, first, later.rows(), with.cols()).noalias() = later * with;
     const auto rows = sweep.rows();
     Eigen::MatrixXd all(later.rows() + rows.rows() - here, rows.cols());
     all.topRows(later.rows()).noalias() = later * rows.topRows(here);

@@ -16,6 +16,7 @@ constexpr std::size_t kScaleFeatures = 10; // used by the last frame, for its mo
 constexpr double kPosePriorSigma = 1e-6;     // m, rad
 constexpr double kStandstillVelocity = 0.02; // m/s, how still a body stands whose engine runs
 constexpr double kStandstillRate = 0.002;    // rad/s
+constexpr std::size_t kMaxArchived = 100000; // landmarks
 
 Prior priorOf(const InvariantConfig& config) {
   return {Vector6d::Constant(kPosePriorSigma), config.prior_twist_sigma, config.prior_bias_sigma};
@@ -27,10 +28,11 @@ Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d
 
 InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
     : config_(config),
-      state_(priorOf(config)),
+      state_(priorOf(config), config.map.keep != MapKeep::kNone),
       scale_(config.scale_sigma, config.scale_significance),
       drift_(config.drift_position, config.drift_rotation),
-      standstill_(config.standstill_px) {}
+      standstill_(config.standstill_px),
+      archive_(kMaxArchived) {}
 
 void InvariantEstimator::setRig(const StereoRig& rig) {
   model_.emplace(rig, config_.pixel_sigma, config_.min_depth_m);
@@ -92,6 +94,8 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   FrameReport report;
   report.stamp = frame.stamp;
   report.features = frame.features.size();
+  // What is out of view does not take part in the drift of what is in view.
+  if (state_.keepsInactive()) state_.loosen(drift_.take());
   handleStandstill(frame);
   forgetOutcastsNotIn(frame);
   std::vector<std::size_t> usable;
@@ -114,7 +118,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
         FrameUpdate(config_, *model_).apply(state_, frame, observations, manoeuvreSince(last_frame_));
     for (std::size_t i = 0; i < observations.size(); ++i) {
       if (outcome.used[i]) {
-        state_.countObservation(observations[i].landmark);
+        state_.addObservations(observations[i].landmark, 1);
         continue;
       }
       keep[observations[i].landmark] = false;
@@ -130,13 +134,19 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     report.frame_rejected = outcome.rejected;
     report.nis = outcome.nis;
     report.nis_dof = outcome.nis_dof;
+    if (!recalled_.empty()) keepRecalled(frame, unknown, keep, report);
     remove(keep, report);
     initialise(frame, unknown, report);
+    if (state_.keepsInactive()) {
+      boundInactive();
+      revisit(report);
+    }
   }
   keepRotationVariance();
   last_used_ = report.used;
   last_frame_ = frame.stamp;
   report.landmarks = state_.landmarks().size();
+  if (state_.keepsInactive()) report.inactive = state_.inactive().size();
   return report;
 }
 
@@ -150,10 +160,15 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
 }
 
 /// Nothing that is measured tells how the whole world is turned, so its variance does not fall: where the
-/// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain
-/// depends on it.
+/// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain depends on
+/// it. A landmark that was seen before does tell.
 void InvariantEstimator::keepRotationVariance() {
   const Eigen::Vector3d now = poseCovariance().diagonal().tail<3>();
+  const auto& landmarks = state_.landmarks();
+  if (std::any_of(landmarks.begin(), landmarks.end(), [](const Landmark& l) { return l.anchored; })) {
+    rotation_variance_ = now;
+    return;
+  }
   // A hair more, so that rounding does not let it fall either.
   const Eigen::Vector3d missing = ((1.0 + 1e-12) * rotation_variance_ - now).cwiseMax(0.0);
   drift_.turn(state_.pose().translation(), missing);
@@ -210,15 +225,6 @@ std::vector<Observation> InvariantEstimator::match(const StereoFrame& frame,
   return observations;
 }
 
-void InvariantEstimator::remove(const std::vector<bool>& keep, FrameReport& report) {
-  for (std::size_t i = keep.size(); i-- > 0;) {
-    if (keep[i]) continue;
-    if (state_.landmarks()[i].observations >= config_.map_min_observations) archive(estimateOf(i));
-    state_.removeLandmark(i);
-    ++report.removed;
-  }
-}
-
 void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
                                     FrameReport& report) {
   for (const std::size_t feature : features) {
@@ -241,30 +247,6 @@ StateEstimate InvariantEstimator::state() const {
 
 Matrix6d InvariantEstimator::poseCovariance() const {
   return state_.poseCovariance() + drift_.ofPose(state_.pose().translation());
-}
-
-LandmarkEstimate InvariantEstimator::estimateOf(std::size_t landmark) const {
-  const Landmark& l = state_.landmarks()[landmark];
-  return {l.id, l.position, state_.landmarkCovariance(landmark) + drift_.ofPoint(l.position)};
-}
-
-void InvariantEstimator::archive(const LandmarkEstimate& landmark) {
-  if (archive_.insert_or_assign(landmark.id, landmark).second) archive_order_.push_back(landmark.id);
-  while (archive_.size() > config_.map_max_landmarks) {
-    archive_.erase(archive_order_.front());
-    archive_order_.pop_front();
-  }
-}
-
-std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
-  std::map<FeatureId, LandmarkEstimate> all = archive_;
-  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) {
-    all.insert_or_assign(state_.landmarks()[i].id, estimateOf(i));
-  }
-  std::vector<LandmarkEstimate> result;
-  result.reserve(all.size());
-  for (const auto& [id, landmark] : all) result.push_back(landmark);
-  return result;
 }
 
 } // namespace vi_ekf_slam::invariant

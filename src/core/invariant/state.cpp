@@ -174,7 +174,7 @@ void State::addLandmark(FeatureId id, const Eigen::Vector3d& position, const Eig
   covariance_.block(n, 0, 3, n) = covariance_.block(kPosition, 0, 3, n);
   covariance_.block(0, n, n, 3) = covariance_.block(0, kPosition, n, 3);
   covariance_.block<3, 3>(n, n) = covariance_.block<3, 3>(kPosition, kPosition) + noise;
-  landmarks_.push_back({id, position, 1});
+  landmarks_.push_back({id, position});
   record(Birth{});
 }
 
@@ -206,8 +206,9 @@ void State::forget(Eigen::Index row, const Eigen::Vector3d& sigma) {
 void State::loosen(const Matrix6d& noise) {
   Columns6 G = Columns6::Zero(size(), 6);
   G.topRows<6>().setIdentity();
-  for (std::size_t i = 0; i < landmarks_.size(); ++i)
-    G.middleRows<3>(offsetOf(i)).leftCols<3>().setIdentity();
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    if (!landmarks_[i].anchored) G.middleRows<3>(offsetOf(i)).leftCols<3>().setIdentity();
+  }
   const Columns6 moved = G * noise;
   auto P = covariance_.topLeftCorner(size(), size());
   P.noalias() += moved * G.transpose();

@@ -37,6 +37,7 @@ void State::activateLandmarks(const std::vector<FeatureId>& ids) {
                                 M * covariance_.block<3, 3>(kRotation, kRotation) * M.transpose();
     covariance_.block<3, 3>(n, n) = 0.5 * (own + own.transpose());
     landmarks_.push_back(taken.inactive.landmark);
+    landmarks_.back().anchored = true;
   }
 }
 

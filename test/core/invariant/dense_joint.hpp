@@ -84,7 +84,7 @@ struct DenseJoint {
     F.bottomRightCorner(n - at, n - at).setIdentity();
     transform(F);
     P.block<3, 3>(at, at) += noise;
-    active.push_back({id, position, 1});
+    active.push_back({id, position});
   }
 
   /// Keeps the three rows of these offsets, in this order, after the first kLandmarks.
@@ -139,7 +139,8 @@ struct DenseJoint {
   void activate(FeatureId id) {
     const auto found = std::find_if(inactive.begin(), inactive.end(), [id](const Landmark& l) { return l.id == id; });
     const auto index = static_cast<std::size_t>(found - inactive.begin());
-    const Landmark back = *found;
+    Landmark back = *found;
+    back.anchored = true;
     Eigen::MatrixXd F = identity();
     F.block<3, 3>(inactiveOffset(index), kRotation) = so3::hat(back.position);
     transform(F);
@@ -161,7 +162,9 @@ struct DenseJoint {
   void loosen(const Matrix6d& noise) {
     Eigen::MatrixXd G = Eigen::MatrixXd::Zero(P.rows(), 6);
     G.topRows<6>().setIdentity();
-    for (std::size_t i = 0; i < active.size(); ++i) G.block<3, 3>(offset(i), 0).setIdentity();
+    for (std::size_t i = 0; i < active.size(); ++i) {
+      if (!active[i].anchored) G.block<3, 3>(offset(i), 0).setIdentity();
+    }
     P += G * noise * G.transpose();
   }
 };

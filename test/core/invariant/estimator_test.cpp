@@ -97,15 +97,18 @@ TEST(InvariantEstimator, DoesNotCareAboutTheOrderOfEqualStamps) {
   EXPECT_LT(distance(one.state().world_T_imu.matrix(), other.state().world_T_imu.matrix()), 1e-3);
 }
 
-TEST(InvariantEstimator, BoundsTheMap) {
+TEST(InvariantEstimator, BoundsTheJointMap) {
   InvariantConfig config;
-  config.map_max_landmarks = 40;
+  config.map.max_landmarks = 40;
+  config.map.min_observations = 3;
+  std::size_t most = 0;
   Road road(9, 20, kTypical);
   InvariantEstimator estimator = makeEstimator(config);
   for (int i = 0; i < 300; ++i) {
     const FrameReport report = road.feed(estimator);
     const auto map = estimator.landmarks();
-    EXPECT_LE(map.size(), 40 + report.landmarks);
+    EXPECT_LE(report.inactive, 40u);
+    most = std::max(most, report.inactive);
     EXPECT_TRUE(
         std::is_sorted(map.begin(), map.end(),
                        [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id < b.id; }));
@@ -114,13 +117,28 @@ TEST(InvariantEstimator, BoundsTheMap) {
                            [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id == b.id; }),
         map.end());
   }
-  EXPECT_GT(estimator.landmarks().size(), 40u);
+  EXPECT_GT(most, 30u);
+  EXPECT_GT(estimator.landmarks().size(), 40u); // the last estimates of those that were marginalised are in the map too
+}
+
+TEST(Archive, KeepsTheLastEstimatesOfTheNewest) {
+  Archive archive(3);
+  for (const FeatureId id : {7, 3, 9, 3, 5}) {
+    LandmarkEstimate landmark;
+    landmark.id = id;
+    landmark.position.x() = static_cast<double>(archive.landmarks().size());
+    archive.put(landmark);
+  }
+  ASSERT_EQ(archive.landmarks().size(), 3u);
+  EXPECT_EQ(archive.landmarks().count(7), 0u);
+  EXPECT_EQ(archive.landmarks().at(3).position.x(), 3.0);
 }
 
 TEST(InvariantEstimator, KeepsOnlyWhatItSawOften) {
-  for (const std::size_t least : {1, 3, 5}) {
+  for (const auto& [keep, least] : {std::pair(MapKeep::kNone, 3u), std::pair(MapKeep::kGood, 3u),
+                                    std::pair(MapKeep::kAll, 1u)}) {
     InvariantConfig config;
-    config.map_min_observations = least;
+    config.map.keep = keep;
     Road road(10, 30, kQuiet);
     InvariantEstimator estimator = makeEstimator(config);
     std::map<FeatureId, std::size_t> seen;

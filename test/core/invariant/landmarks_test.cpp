@@ -23,7 +23,7 @@ TEST(InvariantState, AddsALandmarkThatMovesWithThePose) {
   EXPECT_LT(distance(state.covariance(), expected), 1e-14);
   EXPECT_EQ(state.landmarks().back().id, 99u);
   EXPECT_EQ(state.landmarks().back().observations, 1u);
-  state.countObservation(2);
+  state.addObservations(2, 1);
   EXPECT_EQ(state.landmarks().back().observations, 2u);
 }
 

@@ -6,6 +6,21 @@
 
 namespace vi_ekf_slam {
 
+enum class MapKeep {
+  kNone, ///< landmarks out of view are marginalised; their last estimates stay in the map
+  kGood, ///< those with enough observations stay in the joint covariance
+  kAll,  ///< all of them do
+};
+
+/// What becomes of landmarks out of view.
+struct MapConfig {
+  MapKeep keep = MapKeep::kGood;
+  std::size_t min_observations = 10; ///< of a landmark, to be a good one
+  /// Out of view in the joint covariance; beyond it those longest out of view are marginalised, and their last
+  /// estimates stay in the map.
+  std::size_t max_landmarks = 2000;
+};
+
 /// The right-invariant EKF. Vectors are (velocity x, y, z, angular velocity x, y, z) in the IMU frame; sigmas
 /// are standard deviations.
 struct InvariantConfig {
@@ -58,9 +73,7 @@ struct InvariantConfig {
   double scale_sigma = 0.03;
   double scale_significance = 3.5; ///< sigmas beyond which an error of scale is proven, and corrected
 
-  std::size_t map_min_observations = 3; ///< of a landmark that has left, to stay in the map
-  std::size_t map_max_landmarks =
-      100000; ///< that have left; beyond it the ones that left first are forgotten
+  MapConfig map;
 };
 
 } // namespace vi_ekf_slam

@@ -72,7 +72,7 @@ class BackwardSweep {
   void back(const DeferredStep& step);
 
   Eigen::Index size() const { return size_; }
-  auto rows() const { return rows_.leftCols(size_); }
+  auto rows() const { return rows_.topLeftCorner(row_count_, size_); }
   auto information() const { return information_.topLeftCorner(size_, size_); }
   auto correction() const { return correction_.head(size_); }
 
@@ -83,12 +83,13 @@ class BackwardSweep {
   void back(const Birth& step);
   void back(const Removal& step);
   void back(const Oblivion& step);
-  auto activeRows() { return rows_.leftCols(size_); }
+  auto activeRows() { return rows_.topLeftCorner(row_count_, size_); }
   auto activeInformation() { return information_.topLeftCorner(size_, size_); }
 
   Eigen::Index size_;
   bool with_information_;
-  Eigen::MatrixXd rows_;        // m x capacity
+  Eigen::Index row_count_ = 0;
+  Eigen::MatrixXd rows_;        // at least row_count_ x capacity
   Eigen::MatrixXd information_; // capacity x capacity
   Eigen::VectorXd correction_;  // capacity
 };

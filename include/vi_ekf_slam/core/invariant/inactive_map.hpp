@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
-#include <unordered_set>
+#include <unordered_map>
 #include <vector>
 
 #include "vi_ekf_slam/core/invariant/deferred_step.hpp"
@@ -28,6 +28,8 @@ class InactiveMap {
 
   std::size_t size() const { return settled_->landmarks.size() + departures_.size(); }
   bool contains(FeatureId id) const { return ids_.count(id) != 0; }
+  /// How many landmarks have left the active state since this one did. Throws std::out_of_range where `id` is not held.
+  std::uint64_t departuresSince(FeatureId id) const { return last_serial_ - ids_.at(id); }
 
   /// The active state moved by `step`, to `size` rows.
   void record(DeferredStep step, Eigen::Index size);
@@ -104,7 +106,7 @@ class InactiveMap {
   std::deque<std::shared_ptr<const Departure>> departures_;        // serials are consecutive
   std::deque<std::shared_ptr<const Chunk>> journal_;
   Chunk open_;
-  std::unordered_set<FeatureId> ids_;
+  std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
   Eigen::Index largest_ = 0; // size of the active state since the journal begins
   std::size_t journal_bytes_ = 0;

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <deque>
-#include <map>
 #include <optional>
+#include <unordered_map>
 #include <unordered_set>
 #include <vector>
 
 #include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/invariant/archive.hpp"
 #include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/invariant/drift.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
@@ -18,8 +18,8 @@
 namespace vi_ekf_slam::invariant {
 
 /// The right-invariant EKF with a twist state: gyro, velocity and stereo frames are measurements of one
-/// state, each at its own rate. Landmarks leave the state with their tracks; the map keeps their last
-/// estimate.
+/// state, each at its own rate. A landmark whose track ends goes from the active state to the inactive ones of the
+/// joint covariance, or to the archive; when its id returns, what was seen since and what was seen before are fused.
 class InvariantEstimator : public Estimator {
  public:
   explicit InvariantEstimator(const InvariantConfig& config);
@@ -30,6 +30,7 @@ class InvariantEstimator : public Estimator {
   FrameReport process(const StereoFrame& frame) override;
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
+  std::vector<LandmarkEstimate> exactLandmarks() const override;
 
  private:
   void advanceTo(Stamp stamp);
@@ -46,7 +47,14 @@ class InvariantEstimator : public Estimator {
   void remove(const std::vector<bool>& keep, FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
   LandmarkEstimate estimateOf(std::size_t landmark) const;
-  void archive(const LandmarkEstimate& landmark);
+  std::vector<LandmarkEstimate> landmarks(InactiveMap::Covariances covariances) const;
+  void retire(std::size_t landmark);
+  void boundInactive();
+  void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown, std::vector<bool>& keep,
+                    FrameReport& report);
+  void revisit(FrameReport& report);
+  std::vector<FeatureId> soonInView() const;
+  bool isLongOutOfView(FeatureId inactive) const;
 
   InvariantConfig config_;
   State state_;
@@ -62,8 +70,10 @@ class InvariantEstimator : public Estimator {
   bool gyro_graded_ = false, velocity_graded_ = false; ///< see gradeBias
   std::unordered_set<FeatureId> outcasts_;             ///< tracks in view that contradicted the world
   std::size_t last_used_ = 0;                          ///< features used by the last frame
-  std::map<FeatureId, LandmarkEstimate> archive_;
-  std::deque<FeatureId> archive_order_;
+  Archive archive_;
+  std::unordered_map<FeatureId, int> recalled_; ///< expected back in view, and for how many frames more
+  std::unordered_set<FeatureId> disputed_;      ///< in view, and not where they were seen before
+  double settling_allowance_ = 0.0;             ///< operations, see revisit
 };
 
 } // namespace vi_ekf_slam::invariant

@@ -111,7 +111,7 @@ class State {
   /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id.
   void deactivateLandmark(std::size_t index);
 
-  /// Brings inactive landmarks back as the last active ones, in this order, after settling what was deferred. Throws
+  /// Brings inactive landmarks back as the last active ones, in this order, anchored, after settling what was deferred. Throws
   /// std::out_of_range for an id that is not inactive.
   void activateLandmarks(const std::vector<FeatureId>& ids);
 
@@ -119,11 +119,13 @@ class State {
   std::vector<InactiveLandmark> marginaliseOldest(std::size_t count);
   std::vector<InactiveLandmark> inactiveLandmarks(InactiveMap::Covariances covariances) const;
 
-  /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of all that is active together: pose and
-  /// landmarks in view move rigidly, past the inactive ones. No measurement of the active ones sees it.
+  /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of pose and landmarks together, rigidly, past those
+  /// that are anchored or inactive. No measurement of landmarks that are not anchored sees it.
   void loosen(const Matrix6d& noise);
 
-  void countObservation(std::size_t index) { ++landmarks_[index].observations; }
+  void addObservations(std::size_t index, std::size_t count) { landmarks_[index].observations += count; }
+  /// See Landmark::anchored.
+  void anchor(std::size_t index) { landmarks_[index].anchored = true; }
 
   /// Makes three consecutive rows of twist or bias, from `row` on, unknown again: no correlation, the given
   /// sigma.

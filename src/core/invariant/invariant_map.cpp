@@ -1,0 +1,182 @@
+// What InvariantEstimator does with landmarks out of view.
+
+#include <algorithm>
+#include <map>
+#include <unordered_map>
+
+#include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
+#include "vi_ekf_slam/core/invariant/twin_fusion.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+// Operations a frame may spend on the average to settle the map: some 10 ms.
+constexpr double kSettlingPerFrame = 2e8;
+constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
+constexpr std::size_t kTellingObservations = 3;  // before a landmark is compared with what was seen of it before
+// Twins must agree with each other, so that wrong ids do no harm.
+constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
+constexpr double kMostSaved = 100.0; // frames
+// Landmarks of the map that are made active because they should come into view.
+constexpr std::size_t kMostRecalled = 60;
+constexpr double kRecallDistance = 50.0; // m
+constexpr int kRecallFrames = 100;       // without an observation
+
+LandmarkEstimate estimateOf(const InactiveLandmark& l) {
+  return {l.landmark.id, l.landmark.position, l.covariance};
+}
+
+} // namespace
+
+void InvariantEstimator::remove(const std::vector<bool>& keep, FrameReport& report) {
+  for (std::size_t i = keep.size(); i-- > 0;) {
+    if (keep[i]) continue;
+    retire(i);
+    ++report.removed;
+  }
+}
+
+/// The landmark leaves the active state, for where the configuration wants it.
+void InvariantEstimator::retire(std::size_t landmark) {
+  const Landmark& l = state_.landmarks()[landmark];
+  disputed_.erase(l.id);
+  const bool good = l.observations >= config_.map.min_observations;
+  const bool known = l.observations >= kArchivedObservations;
+  if (state_.keepsInactive() && state_.inactive().contains(l.id)) {
+    state_.removeLandmark(landmark); // the map has it, from before
+  } else if (state_.keepsInactive() && (good || config_.map.keep == MapKeep::kAll)) {
+    state_.deactivateLandmark(landmark);
+  } else {
+    if (known) archive_.put(estimateOf(landmark));
+    state_.removeLandmark(landmark);
+  }
+}
+
+/// A batch at a time, since means must be brought up to date.
+void InvariantEstimator::boundInactive() {
+  const std::size_t most = config_.map.max_landmarks, held = state_.inactive().size();
+  if (held <= most) return;
+  for (const InactiveLandmark& gone : state_.marginaliseOldest(held - most + most / 4)) {
+    if (gone.landmark.observations >= kArchivedObservations)
+      archive_.put(invariant::estimateOf(gone));
+  }
+}
+
+/// Landmarks that were recalled stay active, if they are not in view yet, while they are before the camera.
+void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
+                                      std::vector<bool>& keep, FrameReport& report) {
+  const SE3 cam_T_world = model_->rig().cam_T_imu * state_.pose().inverse();
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    const Landmark& l = state_.landmarks()[i];
+    const auto recalled = recalled_.find(l.id);
+    if (recalled == recalled_.end()) continue;
+    if (keep[i]) {
+      ++report.revisited;
+      recalled_.erase(recalled);
+      continue;
+    }
+    const bool begins_anew = std::any_of(unknown.begin(), unknown.end(), [&](std::size_t feature) {
+      return frame.features[feature].id == l.id;
+    });
+    keep[i] = !begins_anew && !outcasts_.count(l.id) && --recalled->second > 0 && (cam_T_world * l.position).z() > 0.0;
+    if (!keep[i]) recalled_.erase(recalled);
+  }
+}
+
+/// Inactive landmarks before the camera, the nearest first, that have been out of view for some time.
+std::vector<FeatureId> InvariantEstimator::soonInView() const {
+  const SE3 cam_T_world = model_->rig().cam_T_imu * state_.pose().inverse();
+  std::vector<std::pair<double, FeatureId>> near;
+  for (const InactiveLandmark& inactive : state_.inactiveLandmarks(InactiveMap::Covariances::kLastSettled)) {
+    const Eigen::Vector3d q = cam_T_world * inactive.landmark.position;
+    if (q.z() > 0.0 && q.norm() < kRecallDistance && isLongOutOfView(inactive.landmark.id))
+      near.emplace_back(q.norm(), inactive.landmark.id);
+  }
+  std::sort(near.begin(), near.end());
+  near.resize(std::min(near.size(), kMostRecalled));
+  std::vector<FeatureId> ids;
+  for (const auto& [distance, id] : near) ids.push_back(id);
+  return ids;
+}
+
+/// The view has changed altogether since. One that was away for a moment has nothing to tell.
+bool InvariantEstimator::isLongOutOfView(FeatureId inactive) const {
+  return state_.inactive().departuresSince(inactive) > state_.landmarks().size();
+}
+
+/// An id that returns begins as a new landmark, so that the drive goes on as if it were one. When some have been seen
+/// often enough, and settling the map has been saved up for, they are fused with what was seen of them before; and what
+/// should come into view next is made active, to be recognised at once.
+void InvariantEstimator::revisit(FrameReport& report) {
+  const double cost = state_.inactive().settlingCost(state_.size());
+  settling_allowance_ =
+      std::min(settling_allowance_ + kSettlingPerFrame, std::max(cost, kMostSaved * kSettlingPerFrame));
+  std::vector<FeatureId> ids;
+  for (const Landmark& landmark : state_.landmarks()) {
+    if (landmark.observations >= kTellingObservations && ids.size() < kMostTwins &&
+        state_.inactive().contains(landmark.id) && !disputed_.count(landmark.id) && isLongOutOfView(landmark.id))
+      ids.push_back(landmark.id);
+  }
+  if (ids.size() < kLeastTwins || settling_allowance_ < cost) return;
+  settling_allowance_ -= cost;
+  std::unordered_map<FeatureId, std::size_t> now;
+  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) now[state_.landmarks()[i].id] = i;
+  const std::size_t first = state_.landmarks().size();
+  std::vector<Twin> twins;
+  for (std::size_t i = 0; i < ids.size(); ++i) twins.push_back({now.at(ids[i]), first + i});
+  for (const FeatureId id : soonInView()) {
+    if (!now.count(id)) ids.push_back(id);
+  }
+  state_.activateLandmarks(ids);
+  const TwinFusion fusion = fuseTwins(state_, twins, kLeastTwins);
+  const bool recognised = fusion.dof > 0;
+  for (std::size_t i = ids.size(); i-- > twins.size();) {
+    if (recognised) {
+      recalled_[ids[i]] = kRecallFrames;
+    } else {
+      state_.deactivateLandmark(first + i);
+    }
+  }
+  // From behind: whoever takes a place comes from behind it.
+  for (std::size_t i = twins.size(); i-- > 0;) {
+    if (fusion.fused[i]) {
+      state_.addObservations(twins[i].now, state_.landmarks()[twins[i].before].observations);
+      state_.anchor(twins[i].now);
+      state_.removeLandmark(twins[i].before);
+      ++report.revisited;
+    } else {
+      state_.deactivateLandmark(twins[i].before);
+      disputed_.insert(ids[i]);
+    }
+  }
+}
+
+LandmarkEstimate InvariantEstimator::estimateOf(std::size_t landmark) const {
+  const Landmark& l = state_.landmarks()[landmark];
+  return {l.id, l.position, state_.landmarkCovariance(landmark) + drift_.ofPoint(l.position)};
+}
+
+std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
+  return landmarks(InactiveMap::Covariances::kLastSettled);
+}
+
+std::vector<LandmarkEstimate> InvariantEstimator::exactLandmarks() const {
+  return landmarks(InactiveMap::Covariances::kExact);
+}
+
+std::vector<LandmarkEstimate> InvariantEstimator::landmarks(InactiveMap::Covariances covariances) const {
+  std::map<FeatureId, LandmarkEstimate> all = archive_.landmarks();
+  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) {
+    all.insert_or_assign(state_.landmarks()[i].id, estimateOf(i));
+  }
+  // Of one that is seen again but not yet fused, the map's estimate is the one that stays.
+  for (const InactiveLandmark& inactive : state_.inactiveLandmarks(covariances)) {
+    all.insert_or_assign(inactive.landmark.id, invariant::estimateOf(inactive));
+  }
+  std::vector<LandmarkEstimate> result;
+  result.reserve(all.size());
+  for (const auto& [id, landmark] : all) result.push_back(landmark);
+  return result;
+}
+
+} // namespace vi_ekf_slam::invariant

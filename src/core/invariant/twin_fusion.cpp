@@ -1,0 +1,94 @@
+#include "vi_ekf_slam/core/invariant/twin_fusion.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <utility>
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+constexpr double kSigma = 1e-3;     // m, how far apart the two may be: rounding, not a measurement
+constexpr double kGate = 11.345;    // chi-square, 3 degrees of freedom, 99 %
+constexpr double kJointGate = 2.0;  // of the joint chi-square, per degree of freedom
+
+Eigen::Index rowOf(std::size_t twin) { return 3 * static_cast<Eigen::Index>(twin); }
+
+/// The twins that agree, each by itself and once `h` is believed.
+std::vector<bool> agreeing(const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation, std::size_t h) {
+  const Eigen::Index column = rowOf(h);
+  const Eigen::LLT<Eigen::Matrix3d> own(S.block<3, 3>(column, column));
+  const Eigen::Vector3d weighted = own.solve(innovation.segment<3>(column));
+  std::vector<bool> agrees(static_cast<std::size_t>(S.rows() / 3), false);
+  if (!(innovation.segment<3>(column).dot(weighted) < kGate)) return agrees;
+  for (std::size_t j = 0; j < agrees.size(); ++j) {
+    const Eigen::Index row = rowOf(j);
+    const Eigen::Matrix3d cross = S.block<3, 3>(row, column);
+    const Eigen::Vector3d left = innovation.segment<3>(row) - cross * weighted;
+    const Eigen::Matrix3d covariance = S.block<3, 3>(row, row) - cross * own.solve(cross.transpose());
+    agrees[j] = j == h || left.dot(covariance.llt().solve(left)) < kGate;
+  }
+  return agrees;
+}
+
+} // namespace
+
+TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t least) {
+  TwinFusion result;
+  result.fused.assign(twins.size(), false);
+  if (twins.empty()) return result;
+  // m_now = m_before, and both turn alike: e_now - e_before = m^_before - m^_now.
+  const Eigen::Index rows = rowOf(twins.size());
+  const auto P = state.covariance();
+  Eigen::MatrixXd PHt(state.size(), rows), S(rows, rows);
+  Eigen::VectorXd innovation(rows);
+  for (std::size_t i = 0; i < twins.size(); ++i) {
+    PHt.middleCols<3>(rowOf(i)) =
+        P.middleCols<3>(State::offsetOf(twins[i].now)) - P.middleCols<3>(State::offsetOf(twins[i].before));
+    innovation.segment<3>(rowOf(i)) =
+        state.landmarks()[twins[i].before].position - state.landmarks()[twins[i].now].position;
+  }
+  for (std::size_t i = 0; i < twins.size(); ++i) {
+    S.middleRows<3>(rowOf(i)) = PHt.middleRows<3>(State::offsetOf(twins[i].now)) -
+                                PHt.middleRows<3>(State::offsetOf(twins[i].before));
+  }
+  S = (0.5 * (S + S.transpose())).eval();
+  S.diagonal().array() += kSigma * kSigma;
+
+  std::vector<bool> best(twins.size(), false);
+  std::ptrdiff_t most = 0;
+  for (std::size_t h = 0; h < twins.size(); ++h) {
+    std::vector<bool> agrees = agreeing(S, innovation, h);
+    const std::ptrdiff_t count = std::count(agrees.begin(), agrees.end(), true);
+    if (count <= most) continue;
+    most = count;
+    best.swap(agrees);
+  }
+  if (most == 0 || static_cast<std::size_t>(most) < least) return result;
+
+  // The chosen ones move to the front.
+  SparseRows H(3 * most);
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < twins.size(); ++i) {
+    if (!best[i]) continue;
+    H.add(row, State::offsetOf(twins[i].now), Eigen::Matrix3d::Identity());
+    H.add(row, State::offsetOf(twins[i].before), -Eigen::Matrix3d::Identity());
+    const Eigen::Index from = rowOf(i);
+    if (from != row) {
+      innovation.segment<3>(row) = innovation.segment<3>(from);
+      PHt.middleCols<3>(row) = PHt.middleCols<3>(from);
+      S.middleCols<3>(row) = S.middleCols<3>(from);
+      S.middleRows<3>(row) = S.middleRows<3>(from);
+    }
+    row += 3;
+  }
+  Correction correction(PHt.leftCols(row), S.topLeftCorner(row, row), innovation.head(row), std::move(H));
+  if (!correction.isValid() || !(correction.nis() <= kJointGate * 3.0 * static_cast<double>(most))) return result;
+  result.nis = correction.nis();
+  // Straight coordinates: a correction that moves all rigidly must not bend what lies before the camera.
+  if (!state.apply(std::move(correction))) return result;
+  result.fused = std::move(best);
+  result.dof = 3 * static_cast<std::size_t>(most);
+  return result;
+}
+
+} // namespace vi_ekf_slam::invariant
