@@ -11,6 +11,9 @@ namespace {
 void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer, double& rig_wait_s) {
   section.read("max_delay_s", Range::halfOpen(0.0, 60.0), buffer.max_delay_s);
   section.read("max_jump_back_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_back_s);
+  section.read("max_jump_ahead_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_ahead_s);
+  section.read("max_gap_s", Range::halfOpen(0.0, 1e6), buffer.max_gap_s);
+  section.read("jump_confirmations", Range::closed(1.0, 1000.0), buffer.jump_confirmations);
   section.read("max_size", Range::closed(1.0, 1e9), buffer.max_size);
   section.read("rig_wait_s", Range::closed(0.0, 3600.0), rig_wait_s);
   section.finish();
