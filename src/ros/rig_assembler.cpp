@@ -98,6 +98,12 @@ void RigAssembler::addTransforms(const tf2_msgs::TFMessage& message, bool is_sta
   update();
 }
 
+std::optional<ImageSize> RigAssembler::imageSize() const {
+  if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
+  if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
+  return ImageSize{static_cast<double>(left_->width), static_cast<double>(left_->height)};
+}
+
 std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
   if (imu_frame_.empty()) return "the IMU's frame is not known yet (no IMU message)";
   if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
