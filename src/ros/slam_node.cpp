@@ -10,7 +10,6 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kHealthPeriod = 1.0;  // s of wall time
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
@@ -213,7 +212,7 @@ void SlamNode::handleReset(const std::string& reason) {
 
 void SlamNode::checkHealth() {
   // By wall time, because the simulated clock of a bag may stand still.
-  if (secondsSince(last_health_) < kHealthPeriod) return;
+  if (secondsSince(last_health_) < diagnostics_.period()) return;
   last_health_ = WorkQueue::Clock::now();
   diagnostics_.publish();
   if (secondsSince(last_warning_) >= kWarningPeriod) warn();

@@ -2,6 +2,7 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 
+#include <algorithm>
 #include <array>
 #include <deque>
 #include <optional>
@@ -49,6 +50,8 @@ class Diagnostics {
   std::map<std::string, std::uint64_t> allTurnedAway() const;
   void noteOutput(const Output& output, bool is_frame);
   void publish() { updater_.force_update(); }
+  /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
+  double period() { return std::max(0.05, updater_.getPeriod()); }
 
  private:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
