@@ -31,7 +31,8 @@ void WorkQueue::makeRoom() {
 
 void WorkQueue::shedOld() {
   while (options_.max_latency_s > 0.0 && frames_ > 1 && isFrame(items_.front()) &&
-         secondsSince(items_.front().arrival) > options_.max_latency_s) {
+         secondsSince(items_.front().arrival) > options_.max_latency_s && last_frame_ &&
+         secondsSince(*last_frame_) < options_.max_latency_s) {
     items_.pop_front();
     --frames_;
     ++counts_.frames_shed;
@@ -46,7 +47,10 @@ std::optional<WorkQueue::Item> WorkQueue::pop(double wait_s) {
   shedOld();
   Item item = std::move(items_.front());
   items_.pop_front();
-  if (isFrame(item)) --frames_;
+  if (isFrame(item)) {
+    --frames_;
+    last_frame_ = Clock::now();
+  }
   return item;
 }
 

@@ -40,15 +40,28 @@ TEST_F(Queue, keeps_the_order_of_arrival) {
 }
 
 TEST_F(Queue, sheds_old_frames_the_oldest_first_and_never_the_newest_nor_anything_else) {
-  WorkQueue queue({0.01, 100});
+  WorkQueue queue({0.05, 100});
+  push(queue, '0', Stream::kStereo);
   for (const char frame : {'1', '2', '3'}) {
     push(queue, 'g', Stream::kGyro);
     push(queue, 'v', Stream::kVelocity);
     push(queue, frame, Stream::kStereo);
   }
-  std::this_thread::sleep_for(milliseconds(30));
-  EXPECT_EQ("gvgvgv3", takeAll(queue, done_));
+  std::this_thread::sleep_for(milliseconds(100));
+  EXPECT_EQ("0gvgvgv3", takeAll(queue, done_));
   EXPECT_EQ(2U, queue.counts().frames_shed);
+}
+
+TEST_F(Queue, gives_out_a_frame_now_and_then_however_old_they_are) {
+  WorkQueue queue({0.02, 100});
+  for (const char frame : {'1', '2', '3', '4'}) push(queue, frame, Stream::kStereo);
+  std::this_thread::sleep_for(milliseconds(40));
+  queue.pop(0.0)->work();
+  std::this_thread::sleep_for(milliseconds(40));
+  queue.pop(0.0)->work();
+  EXPECT_EQ("12", done_);
+  EXPECT_EQ(0U, queue.counts().frames_shed);
+  EXPECT_EQ("124", takeAll(queue, done_));
 }
 
 TEST_F(Queue, sheds_nothing_that_is_young_or_when_told_not_to) {

@@ -18,7 +18,9 @@ class LoadControl {
   /// Takes note of a frame that has waited for `age_s` (s of wall time).
   void noteFrame(double age_s) {
     if (max_latency_s_ <= 0.0) return;
-    if (age_s > 0.25 * max_latency_s_) {
+    if (age_s > max_latency_s_) {
+      limit_ = std::min(limit_, std::max(kMinFeatures, limit_ / 2));
+    } else if (age_s > 0.25 * max_latency_s_) {
       limit_ = std::min(limit_, std::max(kMinFeatures, limit_ * 4 / 5));
     } else if (age_s < 0.05 * max_latency_s_) {
       limit_ = std::min(max_, limit_ + 1 + limit_ / 100);
