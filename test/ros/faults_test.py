@@ -168,8 +168,10 @@ class Faults(unittest.TestCase):
 
     def test_future_and_ancient_stamps(self):
         """Single ones, by years, minutes and seconds."""
-        self.inject([("imu", drive_data.imu(rospy.Time.from_sec(4e9))), ("velocity", drive_data.velocity(self.at(90.0))),
-                     ("features", drive_data.features(self.at(5.0), 5.0)), ("imu", drive_data.imu(rospy.Time.from_sec(1.0)))],
+        self.inject([("imu", drive_data.imu(rospy.Time.from_sec(4e9))),
+                     ("velocity", drive_data.velocity(self.at(90.0))),
+                     ("features", drive_data.features(self.at(5.0), 5.0)),
+                     ("imu", drive_data.imu(rospy.Time.from_sec(1.0)))],
                     {"imu: stamp far ahead of the others": 1, "velocity: stamp far ahead of the others": 1,
                      "features: stamp far ahead of the others": 1, "imu: stamp far behind the others": 1})
 
