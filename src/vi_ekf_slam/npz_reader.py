@@ -70,7 +70,8 @@ class NpzReader:
                     raise ValueError("more bytes than the header says")
         except DAMAGE as reason:
             raise InputError("%s: key '%s' is damaged: %s" % (self.path, key, reason))
-        return flat.reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
+        with np.errstate(over="ignore"):  # what a 128-bit number leaves infinite, the caller's checks refuse
+            return flat.reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
 
     def _read_header(self, key, member, stream):
         major, minor = np.lib.format.read_magic(stream)
