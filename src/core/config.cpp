@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/config.hpp"
 
-#include <fstream>
 #include <sstream>
 
 #include "vi_ekf_slam/core/yaml_section.hpp"
@@ -94,13 +93,7 @@ Config parseConfig(const std::string& yaml, const std::string& source,
 }
 
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
-  std::ifstream file(path);
-  if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
-  file.peek(); // a directory opens, it is the reading that fails
-  if (file.bad()) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return parseConfig(text.str(), path, other_sections);
+  return parseConfig(readYamlFile(path), path, other_sections);
 }
 
 } // namespace vi_ekf_slam

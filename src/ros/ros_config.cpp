@@ -1,8 +1,5 @@
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
-#include <fstream>
-#include <sstream>
-
 #include "vi_ekf_slam/core/yaml_section.hpp"
 
 namespace vi_ekf_slam {
@@ -53,11 +50,7 @@ FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
 }
 
 FullConfig loadFullConfig(const std::string& path) {
-  const Config core = loadConfig(path, {kRosSection});
-  std::ifstream file(path);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return {core, parseRosConfig(text.str(), path)};
+  return parseFullConfig(readYamlFile(path), path);
 }
 
 } // namespace vi_ekf_slam
