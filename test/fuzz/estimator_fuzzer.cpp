@@ -1,5 +1,4 @@
 /// Measurements of any value in any order into SlamSystem, with each of the estimators.
-#include <algorithm>
 #include <iterator>
 
 #include "fuzz_bytes.hpp"
@@ -11,7 +10,6 @@ namespace {
 constexpr std::size_t kMostSteps = 150;
 constexpr std::size_t kMostMapped = 30;  ///< landmarks that have left, as configured here
 constexpr std::size_t kMostTracked = 40; ///< features of the largest frame
-constexpr double kLongestGap = 30.0;     ///< s; an estimate across a longer gap is no estimate
 
 Config chooseConfig(FuzzBytes& bytes) {
   Config config;
@@ -27,16 +25,14 @@ Config chooseConfig(FuzzBytes& bytes) {
   return config;
 }
 
-/// The next stamp: mostly a step ahead, sometimes none, back, a gap, or anywhere that is no more than
-/// kLongestGap ahead.
+/// The next stamp: mostly a step ahead, sometimes none, back, a gap, or anywhere.
 Stamp chooseStamp(FuzzBytes& bytes, Stamp now) {
   static constexpr double kSteps[] = {0.01, 0.1,  0.0,  1.0, 1e-9, -0.01,
-                                      -0.1, -0.9, -1.1, 5.0, 0.5,  kLongestGap};
+                                      -0.1, -0.9, -1.1, 5.0, 0.5,  60.0};
   const std::uint8_t choice = bytes.byte();
   if (choice < 192) return now + fromSeconds(choice < 128 ? 0.01 : 0.1);
   if (choice < 255) return now + fromSeconds(kSteps[choice % std::size(kSteps)]);
-  return std::min(now + fromSeconds(kLongestGap),
-                  static_cast<Stamp>(bytes.word()) * 1000000000 + bytes.byte());
+  return static_cast<Stamp>(bytes.word()) * 1000000000 + bytes.byte();
 }
 
 std::optional<Eigen::Matrix3d> chooseCovariance(FuzzBytes& bytes) {

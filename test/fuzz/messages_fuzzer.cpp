@@ -13,7 +13,6 @@ namespace vi_ekf_slam::fuzz {
 namespace {
 
 constexpr std::size_t kMostMessages = 120;
-const ros::Duration kLongestGap(30.0); ///< an estimate across a longer gap is no estimate
 
 std::string chooseFrameName(FuzzBytes& bytes, const char* usual) {
   const std::uint8_t choice = bytes.byte();
@@ -29,7 +28,7 @@ std_msgs::Header chooseHeader(FuzzBytes& bytes, const char* frame, ros::Time& no
   if (choice < 245) {
     now = now + step;
   } else if (choice < 250) {
-    now = std::min(now + kLongestGap, ros::Time(bytes.word(), bytes.word() % 1000000000U));
+    now = ros::Time(bytes.word(), bytes.word() % 1000000000U);
   } // else the same stamp again
   std_msgs::Header header;
   header.stamp = choice == 255 ? ros::Time() : now;
