@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/config.hpp"
 
-#include <fstream>
 #include <sstream>
 
 #include "vi_ekf_slam/core/yaml_section.hpp"
@@ -11,6 +10,9 @@ namespace {
 void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer, double& rig_wait_s) {
   section.read("max_delay_s", Range::halfOpen(0.0, 60.0), buffer.max_delay_s);
   section.read("max_jump_back_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_back_s);
+  section.read("max_jump_ahead_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_ahead_s);
+  section.read("max_gap_s", Range::halfOpen(0.0, 1e6), buffer.max_gap_s);
+  section.read("jump_confirmations", Range::closed(1.0, 1000.0), buffer.jump_confirmations);
   section.read("max_size", Range::closed(1.0, 1e9), buffer.max_size);
   section.read("rig_wait_s", Range::closed(0.0, 3600.0), rig_wait_s);
   section.finish();
@@ -98,13 +100,7 @@ Config parseConfig(const std::string& yaml, const std::string& source,
 }
 
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
-  std::ifstream file(path);
-  if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
-  file.peek(); // a directory opens, it is the reading that fails
-  if (file.bad()) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return parseConfig(text.str(), path, other_sections);
+  return parseConfig(readYamlFile(path), path, other_sections);
 }
 
 } // namespace vi_ekf_slam

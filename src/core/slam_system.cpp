@@ -2,30 +2,35 @@
 
 #include <Eigen/Cholesky>
 #include <chrono>
+#include <cmath>
 #include <string>
 #include <utility>
 
 namespace vi_ekf_slam {
 namespace {
 
-bool isUsable(const Eigen::Vector3d& value, double max_norm,
+enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
+
+Fault faultOf(const Eigen::Vector3d& value, double max_norm,
               const std::optional<Eigen::Matrix3d>& covariance) {
-  if (!(value.norm() <= max_norm)) return false; // nor where it is not finite
-  if (!covariance) return true;
-  if (!covariance->allFinite()) return false;
+  if (!value.allFinite()) return Fault::kNotFinite;
+  if (!(value.norm() <= max_norm)) return Fault::kTooFast;
+  if (!covariance) return Fault::kNone;
+  if (!covariance->allFinite()) return Fault::kBadCovariance;
   const Eigen::Matrix3d& C = *covariance;
   const double asymmetry = (C - C.transpose()).cwiseAbs().maxCoeff();
-  return asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && C.llt().info() == Eigen::Success;
+  const bool good = asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && C.llt().info() == Eigen::Success;
+  return good ? Fault::kNone : Fault::kBadCovariance;
 }
 
-bool isUsable(const GyroSample& s) { return isUsable(s.angular_velocity, kMaxAngularSpeed, s.covariance); }
-bool isUsable(const VelocitySample& s) { return isUsable(s.linear_velocity, kMaxSpeed, s.covariance); }
-bool isUsable(const StereoFrame&) { return true; } // features are judged one by one, by the estimator
+Fault faultOf(const GyroSample& s) { return faultOf(s.angular_velocity, kMaxAngularSpeed, s.covariance); }
+Fault faultOf(const VelocitySample& s) { return faultOf(s.linear_velocity, kMaxSpeed, s.covariance); }
+Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judged one by one, by the estimator
 
 } // namespace
 
 SlamSystem::SlamSystem(const Config& config)
-    : config_(config), buffer_(config.buffer), estimator_(makeEstimator(config)) {}
+    : config_(config), guard_(config.buffer), buffer_(config.buffer), estimator_(makeEstimator(config)) {}
 
 void SlamSystem::setRig(const StereoRig& rig) {
   rig_ = rig;
@@ -33,22 +38,64 @@ void SlamSystem::setRig(const StereoRig& rig) {
   drain();
 }
 
-void SlamSystem::add(Measurement measurement) {
+bool SlamSystem::countInvalid(const Measurement& measurement) {
+  const Fault fault = std::visit([](const auto& sample) { return faultOf(sample); }, measurement);
+  if (fault == Fault::kNone) return false;
   const auto stream = static_cast<std::size_t>(streamOf(measurement));
-  if (!std::visit([](const auto& sample) { return isUsable(sample); }, measurement)) {
-    ++counts_.invalid[stream];
-    return;
+  ++counts_.invalid[stream];
+  if (fault == Fault::kTooFast) ++counts_.too_fast[stream];
+  if (fault == Fault::kBadCovariance) ++counts_.bad_covariance[stream];
+  return true;
+}
+
+void SlamSystem::add(Measurement measurement) {
+  if (countInvalid(measurement)) return;
+  const auto verdict = guard_.judge(measurement, buffer_.newest());
+  countStrays();
+  if (verdict == ClockGuard::Verdict::kHeld) return;
+  if (verdict == ClockGuard::Verdict::kJump) {
+    followJump();
+  } else {
+    buffer(std::move(measurement));
   }
-  const Stamp stamp = stampOf(measurement);
-  auto verdict = buffer_.add(measurement);
-  if (verdict == MeasurementBuffer::Verdict::kJumpBack) {
-    reset("time jumped back by " + std::to_string(secondsBetween(stamp, *buffer_.newest())) + " s");
-    verdict = buffer_.add(std::move(measurement));
-  }
-  if (verdict == MeasurementBuffer::Verdict::kLate) ++counts_.late[stream];
-  if (verdict == MeasurementBuffer::Verdict::kDuplicate) ++counts_.duplicate[stream];
-  if (!first_stamp_) first_stamp_ = stamp;
   drain();
+}
+
+void SlamSystem::buffer(Measurement measurement) {
+  const auto stream = static_cast<std::size_t>(streamOf(measurement));
+  const Stamp stamp = stampOf(measurement);
+  switch (buffer_.add(std::move(measurement))) {
+    case MeasurementBuffer::Verdict::kAccepted:
+      break;
+    case MeasurementBuffer::Verdict::kLate:
+      ++counts_.late[stream];
+      break;
+    case MeasurementBuffer::Verdict::kDuplicate:
+      ++counts_.duplicate[stream];
+      break;
+    case MeasurementBuffer::Verdict::kJumpBack: // within what confirmed a jump; the guard keeps others away
+      ++counts_.late[stream];
+      return;
+  }
+  if (!first_stamp_) first_stamp_ = stamp;
+}
+
+/// A gap is driven through; what is longer, and any way back, is a new start.
+void SlamSystem::followJump() {
+  std::vector<Measurement> measurements = guard_.take();
+  const double ahead = secondsBetween(*buffer_.newest(), stampOf(measurements.front()));
+  if (ahead > 0.0 && ahead <= config_.buffer.max_gap_s) {
+    ++counts_.gaps;
+  } else {
+    reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
+          std::to_string(std::abs(ahead)) + " s");
+  }
+  for (Measurement& measurement : measurements) buffer(std::move(measurement));
+}
+
+void SlamSystem::countStrays() {
+  counts_.ahead = guard_.strays().ahead;
+  counts_.behind = guard_.strays().behind;
 }
 
 bool SlamSystem::needsRig() const {
@@ -69,6 +116,8 @@ void SlamSystem::drain() {
 }
 
 void SlamSystem::flush() {
+  guard_.discard();
+  countStrays();
   while (auto measurement = buffer_.popRegardless()) process(*measurement);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <sstream>
 
 namespace vi_ekf_slam {
@@ -79,6 +80,21 @@ void expectOneDocument(const std::string& yaml, const std::string& source) {
 }
 
 } // namespace
+
+std::string readYamlFile(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
+  std::string text(kMaxYamlBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  // A directory opens, it is the reading that fails.
+  if (file.bad()) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (text.size() > kMaxYamlBytes) {
+    throw ConfigError(path + ": is larger than " + std::to_string(kMaxYamlBytes) +
+                      " bytes, which is the most that is allowed");
+  }
+  return text;
+}
 
 bool Range::contains(double x) const {
   if (!std::isfinite(x)) return false;

@@ -32,23 +32,29 @@ std::optional<double> RateMeter::silence() const {
   return (ros::WallTime::now() - *last_).toSec();
 }
 
-Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const SlamSystem& system,
-                         const Intake& intake)
-    : system_(system), intake_(intake), updater_(nh, private_nh) {
+Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources)
+    : system_(sources.system),
+      intake_(sources.intake),
+      queue_(sources.queue),
+      load_(sources.load),
+      updater_(nh, private_nh) {
   updater_.setHardwareID("vi_ekf_slam");
   updater_.add("inputs", this, &Diagnostics::inputs);
   updater_.add("calibration", this, &Diagnostics::calibration);
   updater_.add("estimator", this, &Diagnostics::estimator);
+  updater_.add("load", this, &Diagnostics::load);
   updater_.add("dropped", this, &Diagnostics::drops);
 }
 
-void Diagnostics::noteInput(Stream stream, const ros::Time& stamp) {
+void Diagnostics::noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Clock::time_point arrival) {
+  latency_.noteArrival(stream, conversions::toStamp(stamp), arrival);
   rates_[static_cast<std::size_t>(stream)].add(conversions::toStamp(stamp));
   newest_input_ = conversions::toStamp(stamp);
 }
 
 void Diagnostics::noteOutput(const Output& output, bool is_frame) {
   newest_output_ = output.state.stamp;
+  latency_.noteResult(is_frame ? Stream::kStereo : Stream::kGyro, newest_output_);
   if (!is_frame) return;
   last_frame_ = output;
   slowest_update_s_ = std::max(slowest_update_s_, output.update_s);
@@ -101,20 +107,70 @@ void Diagnostics::estimator(Status& status) {
   if (r.frame_rejected) status.summary(DiagnosticStatus::WARN, "the last frame was rejected as a whole");
 }
 
+std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
+  auto all = intake_.turnedAway();
+  const auto note = [&all](const std::string& reason, std::uint64_t count) {
+    if (count > 0) all[reason] += count;
+  };
+  const WorkQueue::Counts queue = queue_.counts();
+  note("features: message shed, too old for the load", queue.frames_shed);
+  note("features: shed, a busy node takes fewer of a message", intake_.shedFeatures());
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    note(std::string(kStreams[i]) + ": message dropped, the queue is full", queue.overflow[i]);
+  }
+  return all;
+}
+
+void Diagnostics::load(Status& status) {
+  const WorkQueue::Counts queue = queue_.counts();
+  const LatencyMeter::Summary latency = latency_.take();
+  const std::uint64_t shed = queue.frames_shed + intake_.shedFeatures();
+  if (shed > reported_shed_) {
+    status.summary(DiagnosticStatus::WARN, "the filter is slower than its input: features are shed");
+  } else {
+    status.summary(DiagnosticStatus::OK, "keeps up");
+  }
+  reported_shed_ = shed;
+  status.add("results since last report", latency.results);
+  status.addf("latency, median (ms of wall time)", "%.2f", 1e3 * latency.median_s);
+  status.addf("latency, 95 % (ms of wall time)", "%.2f", 1e3 * latency.p95_s);
+  status.addf("latency, longest (ms of wall time)", "%.2f", 1e3 * latency.max_s);
+  status.add("messages waiting", queue.size);
+  status.add("feature messages shed", queue.frames_shed);
+  status.add("features shed", intake_.shedFeatures());
+  status.add("features taken of a message at most", load_.limit());
+}
+
 void Diagnostics::drops(Status& status) {
   status.summary(DiagnosticStatus::OK, "counts since start");
   const SystemCounts& c = system_.counts();
+  std::uint64_t drops = 0;
+  const auto count = [&](const std::string& reason, std::uint64_t number) {
+    status.add(reason, number);
+    drops += number;
+  };
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     const std::string stream = kStreams[i];
-    status.add(stream + ": late", c.late[i]);
-    status.add(stream + ": duplicate", c.duplicate[i]);
-    status.add(stream + ": not finite or bad covariance", c.invalid[i]);
+    count(stream + ": late", c.late[i]);
+    count(stream + ": duplicate", c.duplicate[i]);
+    count(stream + ": stamp far ahead of the others", c.ahead[i]);
+    count(stream + ": stamp far behind the others", c.behind[i]);
+    if (static_cast<Stream>(i) == Stream::kStereo) continue;
+    count(stream + ": too fast", c.too_fast[i]);
+    count(stream + ": covariance not positive definite", c.bad_covariance[i]);
   }
+  for (const auto& [reason, number] : allTurnedAway()) count(reason, number);
+  status.add("features without disparity", intake_.withoutDisparity());
   status.add("frames without calibration", c.frames_without_rig);
   status.add("frames rejected", c.frames_rejected);
   status.add("landmarks revisited", c.landmarks_revisited);
+  status.add("gaps", c.gaps);
   status.add("resets", c.resets);
-  for (const auto& [reason, count] : intake_.turnedAway()) status.add(reason, count);
+  if (drops > reported_drops_) {
+    status.summary(DiagnosticStatus::WARN,
+                   std::to_string(drops - reported_drops_) + " dropped since the last report");
+  }
+  reported_drops_ = drops;
 }
 
 } // namespace vi_ekf_slam

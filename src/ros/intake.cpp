@@ -1,13 +1,20 @@
 #include "vi_ekf_slam/ros/intake.hpp"
 
+#include <algorithm>
 #include <utility>
+
+#include "vi_ekf_slam/ros/feature_screen.hpp"
 
 namespace vi_ekf_slam {
 
 using conversions::Rejection;
 
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
-    : system_(system), imu_frame_(config.imu_frame), rig_(topics.left_info, topics.right_info) {
+    : system_(system),
+      imu_frame_(config.imu_frame),
+      rig_(topics.left_info, topics.right_info),
+      max_features_(config.max_features),
+      feature_limit_(config.max_features) {
   rig_.setImuFrame(imu_frame_);
 }
 
@@ -22,23 +29,27 @@ void Intake::turnAway(const char* input, Rejection rejection) {
   ++turned_away_[std::string(input) + ": " + conversions::describe(rejection)];
 }
 
+void Intake::turnAway(const char* reason, std::size_t count) {
+  if (count > 0) turned_away_[reason] += count;
+}
+
 void Intake::offerRig() {
   if (!system_.hasRig() && rig_.rig()) system_.setRig(*rig_.rig());
 }
 
 void Intake::add(const sensor_msgs::Imu& message) {
   ++received_;
-  learnImuFrame(message.header.frame_id);
   auto converted = conversions::toGyro(message, imu_frame_);
   if (!converted.sample) return turnAway("imu", converted.rejection);
+  learnImuFrame(message.header.frame_id); // of the first one that can be used
   system_.add(std::move(*converted.sample));
 }
 
 void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
   ++received_;
-  learnImuFrame(message.header.frame_id);
   auto converted = conversions::toVelocity(message, imu_frame_);
   if (!converted.sample) return turnAway("velocity", converted.rejection);
+  learnImuFrame(message.header.frame_id);
   system_.add(std::move(*converted.sample));
 }
 
@@ -46,7 +57,16 @@ void Intake::add(const StereoFeatureArray& message) {
   ++received_;
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
-  if (converted.repeated_ids > 0) turned_away_["features: repeated id"] += converted.repeated_ids;
+  turnAway("features: repeated id", converted.repeated_ids);
+  const ScreenCounts screened = screenFeatures(*converted.sample, rig_.imageSize(), max_features_);
+  turnAway("features: pixel not finite", screened.not_finite);
+  turnAway("features: pixel outside the image", screened.outside);
+  turnAway("features: absurd pixel or disparity", screened.absurd);
+  turnAway("features: more than max_features in a message", screened.surplus);
+  without_disparity_ += screened.no_disparity;
+  if (feature_limit_ < max_features_) {
+    shed_features_ += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
+  }
   system_.add(std::move(*converted.sample));
 }
 

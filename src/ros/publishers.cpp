@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/ros/publishers.hpp"
 
+#include <ros/serialization.h>
+
 #include <utility>
 
 #include "vi_ekf_slam/ros/conversions.hpp"
@@ -13,87 +15,98 @@ Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_j
       style_{config.map_frame, config.landmark_size_m, config.landmark_sigma_red_m},
       landmarks_(std::move(landmarks)),
       transforms_(config, max_jump_back_s),
-      path_(config.map_frame, config.path_max_points, config.path_min_distance_m),
-      // In the map frame too: as if nothing had corrected it, which is what one wants to see beside the path.
-      dead_reckoning_path_(config.map_frame, config.path_max_points, config.path_min_distance_m) {
+      path_(makePath("path")),
+      dead_reckoning_path_(makePath("dead_reckoning/path")),
+      map_pacer_(config.landmark_period_s, config.max_bandwidth_bytes_s) {
   const auto queue = static_cast<std::uint32_t>(config.output_queue_size);
   odometry_pub_ = nh_.advertise<nav_msgs::Odometry>("odometry", queue);
   pose_pub_ = nh_.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", queue);
-  path_pub_ = advertisePath("path", path_);
-  dead_reckoning_path_pub_ = advertisePath("dead_reckoning/path", dead_reckoning_path_);
-  markers_pub_ = nh_.advertise<visualization_msgs::MarkerArray>(
-      "landmarks", queue,
-      [this](const ros::SingleSubscriberPublisher& listener) {
-        if (last_stamp_) listener.publish(buildMarkers());
-      },
-      ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
-  cloud_pub_ = nh_.advertise<sensor_msgs::PointCloud2>(
-      "landmark_cloud", queue,
-      [this](const ros::SingleSubscriberPublisher& listener) {
-        if (last_stamp_) listener.publish(toCloud(landmarks_(), *last_stamp_, config_.map_frame));
-      },
+  markers_pub_ = advertiseLatched<visualization_msgs::MarkerArray>("landmarks");
+  cloud_pub_ = advertiseLatched<sensor_msgs::PointCloud2>("landmark_cloud");
+}
+
+/// A new listener is only noted: its callback runs beside the thread that owns paths and map.
+template <typename Message>
+ros::Publisher Publishers::advertiseLatched(const std::string& topic) {
+  return nh_.advertise<Message>(
+      topic, static_cast<std::uint32_t>(config_.output_queue_size),
+      [this](const ros::SingleSubscriberPublisher& /*listener*/) { listener_came_ = true; },
       ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
 }
 
-ros::Publisher Publishers::advertisePath(const std::string& topic, const PathRecorder& path) {
-  return nh_.advertise<nav_msgs::Path>(
-      topic, static_cast<std::uint32_t>(config_.output_queue_size),
-      [&path](const ros::SingleSubscriberPublisher& listener) {
-        if (!path.message().poses.empty()) listener.publish(path.message());
-      },
-      ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
+Publishers::PathOutput Publishers::makePath(const std::string& topic) {
+  return {PathRecorder(config_.map_frame, config_.path_max_points, config_.path_min_distance_m),
+          Pacer(config_.path_period_s, config_.max_bandwidth_bytes_s), advertiseLatched<nav_msgs::Path>(topic),
+          false};
 }
 
 void Publishers::publish(const Output& output, bool is_frame, const std::string& imu_frame) {
   const Stamp stamp = output.state.stamp;
   last_stamp_ = stamp;
   transforms_.publish(output, imu_frame);
-  odometry_pub_.publish(conversions::toOdometry(output.state, config_.map_frame, imu_frame));
+  if (odometry_pub_.getNumSubscribers() > 0) {
+    odometry_pub_.publish(conversions::toOdometry(output.state, config_.map_frame, imu_frame));
+  }
   if (pose_pub_.getNumSubscribers() > 0) {
     pose_pub_.publish(conversions::toPoseMessage(output.state, config_.map_frame));
   }
-  publishPaths(output);
-  if (is_frame && (!last_map_ || secondsBetween(*last_map_, stamp) >= config_.landmark_period_s)) {
-    last_map_ = stamp;
-    publishMap();
+  path_.changed |= path_.path.add(stamp, output.state.world_T_imu);
+  dead_reckoning_path_.changed |= dead_reckoning_path_.path.add(stamp, output.odom_T_imu);
+  for (PathOutput* path : {&path_, &dead_reckoning_path_}) {
+    if (path->changed && path->pacer.isDue(stamp)) sendPath(*path);
   }
+  if (is_frame && map_pacer_.isDue(stamp)) sendMap();
 }
 
-void Publishers::publishPaths(const Output& output) {
-  const Stamp stamp = output.state.stamp;
-  if (path_.add(stamp, output.state.world_T_imu) && path_pub_.getNumSubscribers() > 0) {
-    path_pub_.publish(path_.message());
-  }
-  if (dead_reckoning_path_.add(stamp, output.odom_T_imu) &&
-      dead_reckoning_path_pub_.getNumSubscribers() > 0) {
-    dead_reckoning_path_pub_.publish(dead_reckoning_path_.message());
-  }
+void Publishers::sendPath(PathOutput& output) {
+  if (output.publisher.getNumSubscribers() == 0) return;
+  output.publisher.publish(output.path.message());
+  output.pacer.noteSent(*last_stamp_, ros::serialization::serializationLength(output.path.message()));
+  output.changed = false;
 }
 
-visualization_msgs::MarkerArray Publishers::buildMarkers() {
+void Publishers::sendMap() {
+  const bool markers_wanted = markers_pub_.getNumSubscribers() > 0;
+  const bool cloud_wanted = cloud_pub_.getNumSubscribers() > 0;
+  if (!markers_wanted && !cloud_wanted) return;
   const auto landmarks = landmarks_();
-  auto markers = toMarkers(landmarks, *last_stamp_, style_, markers_shown_);
-  markers_shown_ = (landmarks.size() + kMaxPointsPerMarker - 1) / kMaxPointsPerMarker;
-  return markers;
+  std::size_t bytes = 0; // of the larger topic
+  if (markers_wanted) {
+    const auto markers = toMarkers(landmarks, *last_stamp_, style_, markers_shown_);
+    markers_shown_ = (landmarks.size() + kMaxPointsPerMarker - 1) / kMaxPointsPerMarker;
+    bytes = ros::serialization::serializationLength(markers);
+    markers_pub_.publish(markers);
+  }
+  if (cloud_wanted) {
+    const auto cloud = toCloud(landmarks, *last_stamp_, config_.map_frame);
+    bytes = std::max<std::size_t>(bytes, ros::serialization::serializationLength(cloud));
+    cloud_pub_.publish(cloud);
+  }
+  map_pacer_.noteSent(*last_stamp_, bytes);
 }
 
-void Publishers::publishMap() {
+void Publishers::publishAll() {
   if (!last_stamp_) return;
-  if (markers_pub_.getNumSubscribers() > 0) markers_pub_.publish(buildMarkers());
-  if (cloud_pub_.getNumSubscribers() > 0) {
-    cloud_pub_.publish(toCloud(landmarks_(), *last_stamp_, config_.map_frame));
-  }
+  sendPath(path_);
+  sendPath(dead_reckoning_path_);
+  sendMap();
+}
+
+void Publishers::serveNewListeners() {
+  if (listener_came_.exchange(false)) publishAll();
 }
 
 void Publishers::reset() {
-  path_.clear();
-  dead_reckoning_path_.clear();
-  last_map_.reset();
   markers_shown_ = 0;
+  map_pacer_.restart();
   markers_pub_.publish(deleteAllMarkers(config_.map_frame));
   if (last_stamp_) cloud_pub_.publish(toCloud({}, *last_stamp_, config_.map_frame));
-  path_pub_.publish(path_.message());
-  dead_reckoning_path_pub_.publish(dead_reckoning_path_.message());
+  for (PathOutput* path : {&path_, &dead_reckoning_path_}) {
+    path->path.clear();
+    path->pacer.restart();
+    path->changed = false;
+    path->publisher.publish(path->path.message());
+  }
 }
 
 } // namespace vi_ekf_slam

@@ -14,6 +14,10 @@ namespace {
 
 /// px; the two cameras of a rectified pair may differ by rounding only.
 constexpr double kPixelTolerance = 1e-3;
+// Beyond any rig that exists. What is larger is a fault, and could overflow what is computed from it.
+constexpr double kMaxFocalLength = 1e6; ///< px; also of the principal point
+constexpr double kMaxBaseline = 1e3;    ///< m
+constexpr double kMaxLeverArm = 1e4;    ///< m
 
 /// What is wrong with one CameraInfo by itself; empty: nothing.
 std::string infoProblem(const sensor_msgs::CameraInfo& info, const std::string& topic) {
@@ -23,6 +27,11 @@ std::string infoProblem(const sensor_msgs::CameraInfo& info, const std::string& 
   }
   if (P[0] == 0.0 && P[5] == 0.0) return "P of " + topic + " is zero: the camera is not calibrated";
   if (P[0] <= 0.0 || P[5] <= 0.0) return "focal lengths in P of " + topic + " must be positive";
+  if (std::max({P[0], P[5], std::abs(P[2]), std::abs(P[6])}) > kMaxFocalLength ||
+      std::min(P[0], P[5]) < 1.0) {
+    return "focal lengths in P of " + topic +
+           " must be from 1 to 1e6 px, the principal point within +-1e6 px";
+  }
   if (P[10] != 1.0 || P[1] != 0.0 || P[4] != 0.0 || P[8] != 0.0 || P[9] != 0.0) {
     return "P of " + topic + " must be [fx 0 cx Tx; 0 fy cy Ty; 0 0 1 0]";
   }
@@ -48,6 +57,8 @@ std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::
     text << "P[3] of the left camera must be 0, it is " << left.P[3];
   } else if (!(right.P[3] < 0.0)) {
     text << "P[3] = -fx * baseline of the right camera must be negative, it is " << right.P[3];
+  } else if (!(-right.P[3] / right.P[0] <= kMaxBaseline && -right.P[3] >= 1e-6 * right.P[0])) {
+    text << "P[3] = -fx * baseline of the right camera must stand for 1e-6 to 1e3 m, it is " << right.P[3];
   }
   return text.str();
 }
@@ -98,6 +109,12 @@ void RigAssembler::addTransforms(const tf2_msgs::TFMessage& message, bool is_sta
   update();
 }
 
+std::optional<ImageSize> RigAssembler::imageSize() const {
+  if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
+  if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
+  return ImageSize{static_cast<double>(left_->width), static_cast<double>(left_->height)};
+}
+
 std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
   if (imu_frame_.empty()) return "the IMU's frame is not known yet (no IMU message)";
   if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
@@ -105,7 +122,8 @@ std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
     // The transform that takes points of the source (IMU) to the target (left optical frame).
     cam_T_imu =
         conversions::toSE3(transforms_.lookupTransform(left_frame_, imu_frame_, ros::Time(0)).transform);
-    return {};
+    if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
+    return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";
   } catch (const tf2::TransformException&) {
     return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
   }

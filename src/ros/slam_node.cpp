@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/ros/slam_node.hpp"
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <utility>
@@ -9,8 +10,9 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kHealthPeriod = 1.0;  // s of wall time
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
+constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
+constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
 /// Absolute, with a leading ~ replaced by the home directory.
 std::string absolutePath(const std::string& path) {
@@ -30,11 +32,17 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
     // diagnostic_period is diagnostic_updater's.
-    yaml = toYaml(tree, {"output_dir", "diagnostic_period"});
+    yaml = toYaml(tree, {"output_dir", "autosave_period", "diagnostic_period"});
   }
   settings.config = parseFullConfig(yaml, settings.source);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
     throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
+  }
+  const double& period = settings.autosave_period_s;
+  if (private_nh.hasParam("autosave_period") &&
+      (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
+       period < 0.0 || period > 1e6)) {
+    throw ConfigError(settings.source + ": autosave_period must be a number of seconds from 0 (never) to 1e6");
   }
   settings.output_dir = absolutePath(settings.output_dir);
   if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
@@ -62,15 +70,13 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
       }),
       publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s,
                   [this] { return system_.estimator().landmarks(); }),
-      diagnostics_(nh_, private_nh_, system_, intake_),
-      start_(ros::WallTime::now()),
-      last_warning_(start_) {
+      diagnostics_(nh_, private_nh_, {system_, intake_, queue_, load_}),
+      load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
+      queue_({settings_.config.ros.max_latency_s, 3 * settings_.config.ros.input_queue_size}) {
   connectSystem();
   subscribe();
-  services_ = {private_nh_.advertiseService("reset", &SlamNode::serveReset, this),
-               private_nh_.advertiseService("save_trajectory", &SlamNode::serveSaveTrajectory, this),
-               private_nh_.advertiseService("save_map", &SlamNode::serveSaveMap, this)};
-  health_timer_ = nh_.createWallTimer(ros::WallDuration(kHealthPeriod), &SlamNode::checkHealth, this);
+  advertiseServices();
+  worker_ = std::thread(&SlamNode::work, this); // last: nothing that may throw comes after it
   ROS_INFO_STREAM("configured from " << settings_.source << "; "
                                      << (settings_.output_dir.empty()
                                              ? "nothing is saved (~output_dir is empty)"
@@ -86,55 +92,100 @@ void SlamNode::connectSystem() {
 }
 
 template <typename Message>
-void SlamNode::takeMeasurement(const Message& message, Stream stream) {
-  diagnostics_.noteInput(stream, message.header.stamp);
-  intake_.add(message);
-  sequencer_.endOfDrain();
+void SlamNode::listen(const std::string& topic, std::function<void(const Message&)> process,
+                      std::optional<Stream> stream, const std::atomic<bool>* wanted) {
+  const auto queue = static_cast<std::uint32_t>(settings_.config.ros.input_queue_size);
+  const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
+      [this, process, stream, wanted](const boost::shared_ptr<const Message>& message) {
+        if (wanted != nullptr && !*wanted) return;
+        queue_.push([process, message] { process(*message); }, stream);
+      };
+  subscribers_.push_back(nh_.subscribe<Message>(topic, queue, callback, ros::VoidConstPtr(),
+                                                ros::TransportHints().tcpNoDelay()));
 }
 
-void SlamNode::onImu(const sensor_msgs::Imu& message) { takeMeasurement(message, Stream::kGyro); }
-
-void SlamNode::onVelocity(const geometry_msgs::TwistWithCovarianceStamped& message) {
-  takeMeasurement(message, Stream::kVelocity);
-}
-
-void SlamNode::onFeatures(const StereoFeatureArray& message) { takeMeasurement(message, Stream::kStereo); }
-
-// The last piece of the calibration lets go of the measurements that waited for it, hence endOfDrain.
-
-void SlamNode::onLeftInfo(const sensor_msgs::CameraInfo& message) {
-  intake_.addLeftInfo(message);
-  sequencer_.endOfDrain();
-}
-
-void SlamNode::onRightInfo(const sensor_msgs::CameraInfo& message) {
-  intake_.addRightInfo(message);
-  sequencer_.endOfDrain();
-}
-
-void SlamNode::onTransforms(const tf2_msgs::TFMessage& message) {
-  intake_.addTransforms(message, false);
-  sequencer_.endOfDrain();
-}
-
-void SlamNode::onStaticTransforms(const tf2_msgs::TFMessage& message) {
-  intake_.addTransforms(message, true);
-  sequencer_.endOfDrain();
+template <typename Message>
+void SlamNode::listenToMeasurements(const std::string& topic, Stream stream) {
+  listen<Message>(
+      topic,
+      [this, stream](const Message& message) {
+        diagnostics_.noteInput(stream, message.header.stamp, item_arrival_);
+        intake_.add(message);
+      },
+      stream);
 }
 
 void SlamNode::subscribe() {
-  const auto queue = static_cast<std::uint32_t>(settings_.config.ros.input_queue_size);
-  const auto listen = [&](const char* topic, auto callback) {
-    subscribers_.push_back(nh_.subscribe(topic, queue, callback, this, ros::TransportHints().tcpNoDelay()));
-  };
+  using sensor_msgs::CameraInfo;
+  using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listen("/tf_static", &SlamNode::onStaticTransforms);
-  listen("/tf", &SlamNode::onTransforms);
-  listen(names.left_info.c_str(), &SlamNode::onLeftInfo);
-  listen(names.right_info.c_str(), &SlamNode::onRightInfo);
-  listen(names.imu.c_str(), &SlamNode::onImu);
-  listen(names.velocity.c_str(), &SlamNode::onVelocity);
-  listen(names.features.c_str(), &SlamNode::onFeatures);
+  listen<TFMessage>(
+      "/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
+  listen<TFMessage>(
+      "/tf", [this](const TFMessage& m) { intake_.addTransforms(m, false); }, {}, &transforms_wanted_);
+  listen<CameraInfo>(
+      names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
+  listen<CameraInfo>(
+      names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
+  listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
+  listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
+  listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
+}
+
+void SlamNode::advertiseServices() {
+  ros::NodeHandle nh(private_nh_);
+  nh.setCallbackQueue(&service_queue_);
+  services_ = {nh.advertiseService("reset", &SlamNode::serveReset, this),
+               nh.advertiseService("save_trajectory", &SlamNode::serveSaveTrajectory, this),
+               nh.advertiseService("save_map", &SlamNode::serveSaveMap, this)};
+  service_spinner_.start();
+}
+
+void SlamNode::work() {
+  try {
+    while (!abandon_) {
+      auto item = queue_.pop(kIdlePeriod);
+      if (item) process(*item);
+      if (!item && queue_.closed()) return;
+      publishers_.serveNewListeners();
+      checkHealth();
+    }
+  } catch (const std::exception& e) {
+    ROS_FATAL_STREAM("the computing has ended: " << e.what());
+    queue_.close();
+    queue_.clear();
+    const std::lock_guard<std::mutex> lock(failure_mutex_);
+    failure_ = std::string("the computing has ended: ") + e.what();
+  }
+}
+
+void SlamNode::process(WorkQueue::Item& item) {
+  item_arrival_ = item.arrival;
+  if (item.stream == Stream::kStereo) {
+    load_.noteFrame(secondsSince(item.arrival));
+    intake_.limitFeatures(load_.limit());
+  }
+  item.work();
+  // Calibration lets go of the measurements that waited for it, so this is due after every kind of item.
+  sequencer_.endOfDrain();
+  transforms_wanted_ = system_.needsRig() && !system_.hasRig();
+}
+
+std::string SlamNode::failure() const {
+  const std::lock_guard<std::mutex> lock(failure_mutex_);
+  return failure_;
+}
+
+bool SlamNode::runInWorker(const std::function<void()>& task) {
+  const auto packaged = std::make_shared<std::packaged_task<void()>>(task);
+  std::future<void> done = packaged->get_future();
+  if (!queue_.push([packaged] { (*packaged)(); }, {})) return false;
+  try {
+    done.get();
+  } catch (const std::future_error&) {
+    return false; // the node ends, and the task was thrown away
+  }
+  return true;
 }
 
 void SlamNode::handleOutput(const Output& output, bool is_frame) {
@@ -154,15 +205,22 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
 void SlamNode::handleReset(const std::string& reason) {
   ROS_WARN_STREAM("reset: " << reason << "; state, map and paths start anew");
   sequencer_.endOfDrain();
+  diagnostics_.restart();
   publishers_.reset();
   writer_.restart();
 }
 
-void SlamNode::checkHealth(const ros::WallTimerEvent& /*event*/) {
-  diagnostics_.publish();
-  const ros::WallTime now = ros::WallTime::now();
+void SlamNode::checkHealth() {
   // By wall time, because the simulated clock of a bag may stand still.
-  if ((now - last_warning_).toSec() < kWarningPeriod) return;
+  if (secondsSince(last_health_) < diagnostics_.period()) return;
+  last_health_ = WorkQueue::Clock::now();
+  diagnostics_.publish();
+  if (secondsSince(last_warning_) >= kWarningPeriod) warn();
+  const double period = settings_.autosave_period_s;
+  if (!settings_.output_dir.empty() && period > 0.0 && secondsSince(last_autosave_) >= period) autosave();
+}
+
+void SlamNode::warn() {
   std::string warning;
   if (intake_.received() == 0) {
     warning = "no message yet on " + nh_.resolveName("imu") + ", " + nh_.resolveName("velocity") + " or " +
@@ -172,53 +230,91 @@ void SlamNode::checkHealth(const ros::WallTimerEvent& /*event*/) {
   } else if (intake_.rigAssembler().changedLater()) {
     warning = "camera_info has changed; the first calibration stays in use until a restart";
   }
-  if (intake_.turnedAway() != warned_turned_away_) {
-    warned_turned_away_ = intake_.turnedAway();
+  const auto turned_away = diagnostics_.allTurnedAway();
+  if (turned_away != warned_turned_away_) {
+    warned_turned_away_ = turned_away;
     for (const auto& [reason, count] : warned_turned_away_) {
       warning +=
           (warning.empty() ? "turned away: " : "; turned away: ") + reason + ": " + std::to_string(count);
     }
   }
   if (warning.empty()) return;
-  last_warning_ = now;
+  last_warning_ = WorkQueue::Clock::now();
   ROS_WARN_STREAM(warning);
+}
+
+/// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
+void SlamNode::autosave() {
+  if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+  last_autosave_ = WorkQueue::Clock::now();
+  autosave_ = std::async(std::launch::async, [writer = writer_, directory = settings_.output_dir,
+                                              summary = summary(), landmarks = system_.estimator().landmarks()] {
+    try {
+      save(writer, directory, summary, landmarks);
+    } catch (const std::exception& e) {
+      ROS_ERROR_STREAM("not saved: " << e.what());
+    }
+  });
+}
+
+void SlamNode::stopWork() {
+  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  queue_.close();
+  const auto start = WorkQueue::Clock::now();
+  while (queue_.counts().size > 0 && secondsSince(start) < kDrainLimit) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  const std::size_t lost = queue_.clear();
+  if (lost > 0) ROS_WARN_STREAM("stopped before " << lost << " messages that had come were processed");
+  abandon_ = true;
+  if (worker_.joinable()) worker_.join();
+  for (ros::ServiceServer& service : services_) service.shutdown();
+  service_spinner_.stop();
+  if (autosave_.valid()) autosave_.wait();
 }
 
 void SlamNode::finish() {
   if (finished_) return;
   finished_ = true;
-  system_.flush();
-  sequencer_.endOfDrain();
-  publishers_.publishMap();
-  if (settings_.output_dir.empty()) return;
+  stopWork();
   try {
-    save();
+    if (failure().empty()) {
+      system_.flush();
+      sequencer_.endOfDrain();
+      publishers_.publishAll();
+    }
+    if (settings_.output_dir.empty()) return;
+    save(writer_, settings_.output_dir, summary(), system_.estimator().landmarks());
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << settings_.output_dir);
   } catch (const std::exception& e) {
     ROS_ERROR_STREAM("not saved: " << e.what());
   }
 }
 
-void SlamNode::save() {
-  const auto landmarks = system_.estimator().landmarks();
-  const double wall_s = (ros::WallTime::now() - start_).toSec();
-  writer_.writeTrajectory(settings_.output_dir);
-  writer_.writeMap(settings_.output_dir, landmarks);
-  writer_.writeSummary(settings_.output_dir,
-                       {"topics", settings_.source, wall_s, system_.counts(), intake_.turnedAway()},
-                       landmarks.size());
+void SlamNode::save(const RunWriter& writer, const std::string& directory, const RunSummary& summary,
+                    const std::vector<LandmarkEstimate>& landmarks) {
+  writer.writeTrajectory(directory);
+  writer.writeMap(directory, landmarks);
+  writer.writeSummary(directory, summary, landmarks.size());
 }
 
-bool SlamNode::saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response) const {
+RunSummary SlamNode::summary() const {
+  return {"topics", settings_.source, secondsSince(start_), system_.counts(), diagnostics_.allTurnedAway()};
+}
+
+bool SlamNode::saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response) {
   response.success = 0;
   if (settings_.output_dir.empty()) {
     response.message = "nothing saved: set " + private_nh_.resolveName("output_dir") + " and restart";
     return true;
   }
   try {
-    write();
-    response.success = 1;
-    response.message = "saved in " + settings_.output_dir;
+    const bool done = runInWorker([&] {
+      if (autosave_.valid()) autosave_.wait(); // it writes the same files
+      write();
+    });
+    response.success = done ? 1 : 0;
+    response.message = done ? "saved in " + settings_.output_dir : "nothing saved: the node is ending";
   } catch (const std::exception& e) {
     response.message = e.what();
   }
@@ -226,8 +322,7 @@ bool SlamNode::saveService(const std::function<void()>& write, std_srvs::Trigger
 }
 
 bool SlamNode::serveReset(std_srvs::Empty::Request& /*request*/, std_srvs::Empty::Response& /*response*/) {
-  system_.reset("asked for by " + private_nh_.resolveName("reset"));
-  return true;
+  return runInWorker([this] { system_.reset("asked for by " + private_nh_.resolveName("reset")); });
 }
 
 bool SlamNode::serveSaveTrajectory(std_srvs::Trigger::Request& /*request*/,

@@ -4,13 +4,14 @@
 #include <ros/xmlrpc_manager.h>
 
 #include <csignal>
+#include <stdexcept>
 
 #include "vi_ekf_slam/ros/slam_node.hpp"
 
 namespace {
 
 constexpr double kSpinPeriod = 0.05; // s
-constexpr double kDrainLimit = 10.0; // s; roslaunch waits 15 s between SIGINT and SIGTERM
+constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
 
 volatile std::sig_atomic_t g_stop = 0;
 
@@ -26,6 +27,7 @@ void requestStopByMaster(XmlRpc::XmlRpcValue& /*parameters*/, XmlRpc::XmlRpcValu
 void installStopHandlers() {
   std::signal(SIGINT, requestStop);
   std::signal(SIGTERM, requestStop);
+  std::signal(SIGHUP, requestStop); // the terminal was closed
   ros::XMLRPCManager::instance()->unbind("shutdown");
   ros::XMLRPCManager::instance()->bind("shutdown", requestStopByMaster);
 }
@@ -47,9 +49,12 @@ int main(int argc, char** argv) {
   try {
     vi_ekf_slam::SlamNode node(nh, private_nh);
     ros::CallbackQueue& queue = *ros::getGlobalCallbackQueue();
-    while (g_stop == 0 && ros::ok()) queue.callAvailable(ros::WallDuration(kSpinPeriod));
+    while (g_stop == 0 && ros::ok() && node.failure().empty()) {
+      queue.callAvailable(ros::WallDuration(kSpinPeriod));
+    }
     if (ros::ok()) drain(queue);
     node.finish();
+    if (!node.failure().empty()) throw std::runtime_error(node.failure());
   } catch (const std::exception& e) {
     ROS_FATAL_STREAM(e.what());
     ros::shutdown();

@@ -5,18 +5,12 @@
 
 #include <functional>
 #include <memory>
-#include <stdexcept>
 #include <string>
 
+#include "bag_structure.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 
 namespace vi_ekf_slam {
-
-/// A bag that cannot be used, wholly or from some point on; what() names the bag and the cause.
-class BagError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 /// The inputs in a bag, in the order of recording.
 class BagInput {

@@ -5,6 +5,7 @@ import os
 import numpy as np
 import rosbag
 
+from vi_ekf_slam.bag_limits import require_small_chunks
 from vi_ekf_slam.errors import InputError
 from vi_ekf_slam.geometry import inverse, make_transform, quaternion_to_rotation
 
@@ -27,6 +28,7 @@ def read_reference(path):
     stamps, frames, transforms, truth = [], {}, [], None
     try:
         with rosbag.Bag(path) as bag:
+            require_small_chunks(bag, path)
             topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
             for topic, message, _ in bag.read_messages(topics):
                 if topic == "/tf_static":

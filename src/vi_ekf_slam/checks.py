@@ -4,6 +4,7 @@ import numpy as np
 
 from vi_ekf_slam.errors import InputError
 
+MAX_FOCAL_LENGTH = 1e6  # px, beyond any camera
 MAX_ROS_SECONDS = 2**32  # ros::Time counts seconds in 32 bits
 
 
@@ -13,6 +14,14 @@ def require_finite(array, name):
     if bad.any():
         index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), array.shape))
         raise InputError("%s is %g at index %s, allowed: finite numbers" % (name, array[index], list(index)))
+
+
+def require_within(array, limit, name, unit):
+    """No entry's magnitude beyond `limit`: such numbers are faults, and large enough ones overflow what is computed."""
+    bad = np.abs(array) > limit
+    if bad.any():
+        index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), array.shape))
+        raise InputError("%s is %g at index %s, allowed: within +-%g %s" % (name, array[index], list(index), limit, unit))
 
 
 def require_shape(array, shape, name):
@@ -53,6 +62,7 @@ def require_intrinsics(matrix, name):
     """3 x 3 pinhole intrinsics in px: upper triangular, positive focal lengths, no skew, last row 0 0 1."""
     require_shape(matrix, (3, 3), name)
     require_finite(matrix, name)
+    require_within(matrix, MAX_FOCAL_LENGTH, name, "px")
     for i in (0, 1):
         require_positive(matrix[i, i], "%s[%d, %d] (focal length)" % (name, i, i), "px")
     for (i, j), what in (((0, 1), "skew"), ((1, 0), "below the diagonal"), ((2, 0), "last row"), ((2, 1), "last row")):

@@ -21,6 +21,10 @@ from vi_ekf_slam.extrinsic import check_transform, read_extrinsic
 from vi_ekf_slam.npz_reader import NpzReader
 
 DEFAULT_MAX_MEMORY_MB = 4096.0
+# As in the core (slam_system.hpp, rig_assembler.cpp): what is beyond is dropped there.
+MAX_SPEED = {"linear_velocity": (1e3, "m/s"), "rotational_velocity": (1e3, "rad/s"), "angular_velocity": (1e3, "rad/s")}
+MAX_LEVER_ARM = 1e4  # m
+MAX_BASELINE = 1e3  # m
 MAX_PIXEL = 1e5  # px, beyond any camera; keeps the image size in range
 GYRO_KEYS = ("rotational_velocity", "angular_velocity")
 EXTRINSIC_KEYS = ("cam_T_imu", "imu_T_cam")
@@ -103,6 +107,7 @@ def _twist_rows(path, key, reader, frames):
     name = "%s: %s" % (path, key)
     checks.require_shape(rows, (3, frames), name + " (one column a time stamp)")
     checks.require_finite(rows, name)
+    checks.require_within(rows, MAX_SPEED[key][0], name, MAX_SPEED[key][1])
     return rows
 
 
@@ -114,6 +119,7 @@ def _extrinsic(path, keys, reader, reading, required):
     matrix = reader.read(key)
     checks.require_shape(matrix, (4, 4), name)
     checks.require_finite(matrix, name)
+    checks.require_within(matrix, MAX_LEVER_ARM, name, "m")
     cam_T_imu, repaired = read_extrinsic(check_transform(matrix, name), key, reading)
     return {"cam_T_imu": cam_T_imu, "extrinsic_key": key, "extrinsic_repaired": repaired}
 
@@ -121,7 +127,10 @@ def _extrinsic(path, keys, reader, reading, required):
 def _baseline(path, value):
     if value.size != 1:
         raise InputError("%s: b has shape %s, allowed: one number" % (path, value.shape))
-    return checks.require_positive(float(value.reshape(())), "%s: b (baseline)" % path, "m")
+    name = "%s: b (baseline)" % path
+    baseline = checks.require_positive(float(value.reshape(())), name, "m")
+    checks.require_within(value.reshape(1), MAX_BASELINE, name, "m")
+    return baseline
 
 
 def _features(path, features, frames):

@@ -68,9 +68,12 @@ class NpzReader:
                 flat = np.frombuffer(self._read_exactly(stream, math.prod(shape) * dtype.itemsize), dtype=dtype)
                 if stream.read(1):  # at the end of a member zipfile compares its checksum
                     raise ValueError("more bytes than the header says")
+            flat = flat.reshape(shape, order="F" if fortran_order else "C")
         except DAMAGE as reason:
-            raise InputError("%s: key '%s' is damaged: %s" % (self.path, key, reason))
-        return flat.reshape(shape, order="F" if fortran_order else "C").astype(np.float64)
+            # Numpy's reasons may go on for lines, about options that are not ours.
+            raise InputError("%s: key '%s' is damaged: %s" % (self.path, key, str(reason).split("\n")[0]))
+        with np.errstate(over="ignore"):  # what a 128-bit number leaves infinite, the caller's checks refuse
+            return flat.astype(np.float64)
 
     def _read_header(self, key, member, stream):
         major, minor = np.lib.format.read_magic(stream)
@@ -93,7 +96,7 @@ class NpzReader:
         if any(n < 0 for n in shape):
             raise ValueError("negative dimension in shape %s" % (shape,))
         count = math.prod(shape)
-        if 8 * count > self._budget:
+        if 8 * math.prod(max(n, 1) for n in shape) > self._budget:  # an axis of none does not excuse the others
             raise InputError("%s has shape %s, with which the arrays take more than the limit of %g MB "
                              "(--max-memory-mb raises it)" % (where, shape, self._max_memory_mb))
         header_bytes = 6 + 2 + len(length_bytes) + length

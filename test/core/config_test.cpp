@@ -135,6 +135,10 @@ TEST(Config, NamesAFileThatCannotBeRead) {
   expectAll(errorOf([] { loadConfig(kConfigDir); }), {kConfigDir, "cannot be read"});
 }
 
+TEST(Config, AFileWithoutEndIsNotReadToTheEnd) {
+  expectAll(errorOf([] { loadConfig("/dev/zero"); }), {"/dev/zero", "larger than 1048576 bytes"});
+}
+
 TEST(Config, NothingAtAllMeansTheDefaults) {
   for (const std::string text : {"", "\n", "# a comment", "---", "~", "paper:", "paper: {}", "buffer: ~"}) {
     const Config config = parseConfig(text, "robot.yaml");

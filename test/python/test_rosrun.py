@@ -8,8 +8,8 @@ import pytest
 from conftest import ROOT, script_path
 
 PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node"]
-SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py", "play_bag.py",
-           "plot_monte_carlo.py", "plot_run.py", "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
+SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py", "load_test.py",
+           "play_bag.py", "plot_monte_carlo.py", "plot_run.py", "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
            "simulate_dataset.py"]
 NODES = ["slam_node", "play_bag.py", "record_outputs.py"]  # have no --help: they would wait for a master
 

@@ -42,6 +42,31 @@ class Rig : public testing::Test {
   RigAssembler rig_{"/left", "/right"};
 };
 
+TEST_F(Rig, names_numbers_that_no_rig_has) {
+  for (const double focal_length : {5e-324, 1e-3, 1e308}) {
+    auto left = info(false), right = info(true);
+    left.P[0] = left.P[5] = right.P[0] = right.P[5] = focal_length;
+    addAll(left, right);
+    EXPECT_TRUE(complainsOf("from 1 to 1e6 px")) << rig_.problem();
+  }
+  for (const double shift : {-5e-324, -1e308}) {
+    auto right = info(true);
+    right.P[3] = shift;
+    addAll(info(false), right);
+    EXPECT_TRUE(complainsOf("1e-6 to 1e3 m")) << rig_.problem();
+  }
+}
+
+TEST_F(Rig, names_a_lever_arm_that_no_rig_has) {
+  auto far = extrinsic();
+  far.transforms[0].transform.translation.y = 1e308;
+  rig_.setImuFrame("imu_link");
+  rig_.addTransforms(far, true);
+  rig_.addLeft(info(false));
+  rig_.addRight(info(true));
+  EXPECT_TRUE(complainsOf("at most 10 km")) << rig_.problem();
+}
+
 TEST_F(Rig, is_complete_with_two_infos_and_the_transform_whatever_the_order) {
   rig_.addRight(info(true));
   rig_.addTransforms(extrinsic(), true);

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "vi_ekf_slam/core/clock_guard.hpp"
 #include "vi_ekf_slam/core/config.hpp"
 #include "vi_ekf_slam/core/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/estimator.hpp"
@@ -32,9 +33,14 @@ struct SystemCounts {
   std::array<std::uint64_t, kStreamCount> processed{};
   std::array<std::uint64_t, kStreamCount> late{};
   std::array<std::uint64_t, kStreamCount> duplicate{};
+  std::array<std::uint64_t, kStreamCount> ahead{};   ///< a stamp far ahead of all others, not confirmed
+  std::array<std::uint64_t, kStreamCount> behind{};  ///< a stamp far behind all others, not confirmed
   std::array<std::uint64_t, kStreamCount> invalid{}; ///< not finite, too fast, or a covariance that is none
+  std::array<std::uint64_t, kStreamCount> too_fast{};       ///< of the invalid: beyond kMaxSpeed and the like
+  std::array<std::uint64_t, kStreamCount> bad_covariance{}; ///< of the invalid: not symmetric positive definite
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
+  std::uint64_t gaps = 0; ///< longer than max_jump_ahead_s, short enough to go on
   std::uint64_t features = 0;
   std::uint64_t features_invalid = 0;
   std::uint64_t features_used = 0;
@@ -44,7 +50,7 @@ struct SystemCounts {
 };
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:
-/// add -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's
+/// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's
 /// thread.
 class SlamSystem {
  public:
@@ -80,10 +86,15 @@ class SlamSystem {
 
  private:
   bool waitingForRig() const;
+  bool countInvalid(const Measurement& measurement);
+  void buffer(Measurement measurement);
+  void followJump();
+  void countStrays();
   void drain();
   void process(const Measurement& measurement);
 
   Config config_;
+  ClockGuard guard_;
   MeasurementBuffer buffer_;
   std::unique_ptr<Estimator> estimator_;
   DeadReckoning dead_reckoning_;

@@ -3,6 +3,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <limits>
 #include <set>
 #include <string>
@@ -12,6 +13,12 @@
 #include "vi_ekf_slam/core/config.hpp"
 
 namespace vi_ekf_slam {
+
+/// Far above any configuration; what claims to be one and is larger is not read.
+constexpr std::size_t kMaxYamlBytes = 1 << 20;
+
+/// The text of a file of at most kMaxYamlBytes. Throws ConfigError.
+std::string readYamlFile(const std::string& path);
 
 /// What a number may be; `allowed` says so in an error message.
 struct Range {

@@ -2,12 +2,16 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 
+#include <algorithm>
 #include <array>
 #include <deque>
 #include <optional>
 
 #include "vi_ekf_slam/core/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/latency_meter.hpp"
+#include "vi_ekf_slam/ros/load_control.hpp"
+#include "vi_ekf_slam/ros/work_queue.hpp"
 
 namespace vi_ekf_slam {
 
@@ -25,14 +29,29 @@ class RateMeter {
   std::optional<ros::WallTime> last_;
 };
 
-/// What /diagnostics says about the node. Keeps references: `system` and `intake` must outlive this.
+/// What /diagnostics says about the node.
 class Diagnostics {
  public:
-  Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const SlamSystem& system, const Intake& intake);
+  /// What is watched; must outlive this.
+  struct Sources {
+    const SlamSystem& system;
+    const Intake& intake;
+    const WorkQueue& queue;
+    const LoadControl& load;
+  };
 
-  void noteInput(Stream stream, const ros::Time& stamp);
+  Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources);
+
+  /// `arrival`: in the callback.
+  void noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Clock::time_point arrival);
+  /// Stamps begin anew.
+  void restart() { latency_.restart(); }
+  /// Intake's, and what was shed before it.
+  std::map<std::string, std::uint64_t> allTurnedAway() const;
   void noteOutput(const Output& output, bool is_frame);
   void publish() { updater_.force_update(); }
+  /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
+  double period() { return std::max(0.05, updater_.getPeriod()); }
 
  private:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
@@ -40,10 +59,16 @@ class Diagnostics {
   void inputs(Status& status);
   void calibration(Status& status);
   void estimator(Status& status);
+  void load(Status& status);
   void drops(Status& status);
 
   const SlamSystem& system_;
   const Intake& intake_;
+  const WorkQueue& queue_;
+  const LoadControl& load_;
+  LatencyMeter latency_;
+  std::uint64_t reported_shed_ = 0;
+  std::uint64_t reported_drops_ = 0;
   std::array<RateMeter, kStreamCount> rates_;
   Stamp newest_input_ = 0;
   Stamp newest_output_ = 0;

@@ -42,10 +42,17 @@ class Intake {
   std::uint64_t received() const { return received_; }
   /// Messages (and repeated ids) turned away, by "input: reason".
   const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }
+  /// Features taken that have no depth.
+  std::uint64_t withoutDisparity() const { return without_disparity_; }
+  /// Features that the next message may have beside `max_features` of the configuration; for a busy node.
+  void limitFeatures(std::size_t limit) { feature_limit_ = limit; }
+  /// Features left out because of limitFeatures.
+  std::uint64_t shedFeatures() const { return shed_features_; }
 
  private:
   void learnImuFrame(const std::string& frame_id);
   void turnAway(const char* input, conversions::Rejection rejection);
+  void turnAway(const char* reason, std::size_t count);
   void offerRig();
 
   SlamSystem& system_;
@@ -53,6 +60,10 @@ class Intake {
   RigAssembler rig_;
   std::uint64_t received_ = 0;
   std::map<std::string, std::uint64_t> turned_away_;
+  std::uint64_t without_disparity_ = 0;
+  std::size_t max_features_;
+  std::size_t feature_limit_;
+  std::uint64_t shed_features_ = 0;
 };
 
 } // namespace vi_ekf_slam

@@ -2,6 +2,7 @@
 
 #include <ros/ros.h>
 
+#include <atomic>
 #include <functional>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 
 #include "vi_ekf_slam/core/slam_system.hpp"
 #include "vi_ekf_slam/ros/map_messages.hpp"
+#include "vi_ekf_slam/ros/pacer.hpp"
 #include "vi_ekf_slam/ros/path_recorder.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 #include "vi_ekf_slam/ros/transform_publisher.hpp"
@@ -16,7 +18,8 @@
 namespace vi_ekf_slam {
 
 /// Everything that the node sends. Stamps are those of the measurements; what is costly is built for
-/// listeners only, and a listener that comes late gets the current path or map at once.
+/// listeners only, and a listener that comes late gets the current path or map at once. All calls must come
+/// from one thread; that of the callbacks may be another.
 class Publishers {
  public:
   using LandmarkSource = std::function<std::vector<LandmarkEstimate>()>;
@@ -25,29 +28,41 @@ class Publishers {
 
   /// odometry, pose, TF, paths and, after a frame when the period is over, the map.
   void publish(const Output& output, bool is_frame, const std::string& imu_frame);
-  void publishMap();
+  /// Paths and map as they are now, whatever was sent before.
+  void publishAll();
+  /// Sends paths and map to listeners that have come since the last call.
+  void serveNewListeners();
   /// Paths and map are void.
   void reset();
 
  private:
-  ros::Publisher advertisePath(const std::string& topic, const PathRecorder& path);
-  void publishPaths(const Output& output);
-  visualization_msgs::MarkerArray buildMarkers();
+  /// A path's points and how it is sent.
+  struct PathOutput {
+    PathRecorder path;
+    Pacer pacer;
+    ros::Publisher publisher;
+    bool changed = false; ///< since it was sent
+  };
+
+  template <typename Message>
+  ros::Publisher advertiseLatched(const std::string& topic);
+  PathOutput makePath(const std::string& topic);
+  void sendPath(PathOutput& output);
+  void sendMap();
 
   ros::NodeHandle nh_;
   RosConfig config_;
   MarkerStyle style_;
   LandmarkSource landmarks_;
   TransformPublisher transforms_;
-  PathRecorder path_;
-  PathRecorder dead_reckoning_path_;
+  std::atomic<bool> listener_came_{false};
+  PathOutput path_;
+  PathOutput dead_reckoning_path_; ///< in the map frame too: as if nothing had corrected it
+  Pacer map_pacer_;
   std::optional<Stamp> last_stamp_;
-  std::optional<Stamp> last_map_;
   std::size_t markers_shown_ = 0;
   ros::Publisher odometry_pub_;
   ros::Publisher pose_pub_;
-  ros::Publisher path_pub_;
-  ros::Publisher dead_reckoning_path_pub_;
   ros::Publisher markers_pub_;
   ros::Publisher cloud_pub_;
 };

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "vi_ekf_slam/core/camera.hpp"
+#include "vi_ekf_slam/ros/feature_screen.hpp"
 
 namespace vi_ekf_slam {
 
@@ -30,6 +31,8 @@ class RigAssembler {
   const std::string& problem() const { return problem_; }
   /// Left optical frame; empty as long as there is no left CameraInfo.
   const std::string& leftFrame() const { return left_frame_; }
+  /// Of the images, where both CameraInfo state the same one.
+  std::optional<ImageSize> imageSize() const;
   /// Whether a CameraInfo that came later contradicts the calibration in use.
   bool changedLater() const { return changed_later_; }
 

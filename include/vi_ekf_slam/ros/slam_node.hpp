@@ -1,24 +1,33 @@
 #pragma once
 
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/Empty.h>
 #include <std_srvs/Trigger.h>
 
+#include <atomic>
 #include <functional>
+#include <future>
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "vi_ekf_slam/core/run_writer.hpp"
 #include "vi_ekf_slam/ros/diagnostics.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/load_control.hpp"
 #include "vi_ekf_slam/ros/output_sequencer.hpp"
 #include "vi_ekf_slam/ros/publishers.hpp"
+#include "vi_ekf_slam/ros/work_queue.hpp"
 
 namespace vi_ekf_slam {
 
-/// Connects topics, services and parameters to Intake, SlamSystem, Publishers and RunWriter. All callbacks
-/// must run in one thread (the global queue of the node, the single-threaded queue of the nodelet).
+/// Connects topics, services and parameters to Intake, SlamSystem, Publishers and RunWriter.
+///
+/// Three threads: the callbacks of the topics (the node's or nodelet's queue) only put messages into a
+/// WorkQueue; a worker takes them out, computes and publishes, and owns everything but that queue; services
+/// have a thread of their own, hand their work to the worker and wait for it.
 class SlamNode {
  public:
   /// Throws ConfigError (or std::runtime_error when output_dir cannot be made): the node must not start then.
@@ -28,14 +37,19 @@ class SlamNode {
   SlamNode(const SlamNode&) = delete;
   SlamNode& operator=(const SlamNode&) = delete;
 
-  /// The data are over: processes what is still held and saves everything. A second call does nothing.
+  /// The data are over: processes what is still held (for a few seconds at most) and saves everything. A
+  /// second call does nothing.
   void finish();
+
+  /// What ended the computing early; empty: nothing. Everything up to then is saved.
+  std::string failure() const;
 
  private:
   struct Settings {
     FullConfig config;
     std::string source;     ///< where the parameters are, for messages
     std::string output_dir; ///< absolute; empty: nothing is saved
+    double autosave_period_s = 60.0; ///< s of wall time; 0: saved at the end only
   };
 
   static Settings readSettings(const ros::NodeHandle& private_nh);
@@ -43,20 +57,25 @@ class SlamNode {
 
   void connectSystem();
   void subscribe();
+  void advertiseServices();
   template <typename Message>
-  void takeMeasurement(const Message& message, Stream stream);
-  void onImu(const sensor_msgs::Imu& message);
-  void onVelocity(const geometry_msgs::TwistWithCovarianceStamped& message);
-  void onFeatures(const StereoFeatureArray& message);
-  void onLeftInfo(const sensor_msgs::CameraInfo& message);
-  void onRightInfo(const sensor_msgs::CameraInfo& message);
-  void onTransforms(const tf2_msgs::TFMessage& message);
-  void onStaticTransforms(const tf2_msgs::TFMessage& message);
+  void listen(const std::string& topic, std::function<void(const Message&)> process,
+              std::optional<Stream> stream, const std::atomic<bool>* wanted = nullptr);
+  template <typename Message>
+  void listenToMeasurements(const std::string& topic, Stream stream);
+  void work();
+  void process(WorkQueue::Item& item);
+  void stopWork();
+  bool runInWorker(const std::function<void()>& task);
   void handleOutput(const Output& output, bool is_frame);
   void handleReset(const std::string& reason);
-  void checkHealth(const ros::WallTimerEvent& event);
-  void save();
-  bool saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response) const;
+  void checkHealth();
+  void warn();
+  void autosave();
+  static void save(const RunWriter& writer, const std::string& directory, const RunSummary& summary,
+                   const std::vector<LandmarkEstimate>& landmarks);
+  RunSummary summary() const;
+  bool saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response);
   bool serveReset(std_srvs::Empty::Request& request, std_srvs::Empty::Response& response);
   bool serveSaveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool serveSaveMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -70,13 +89,25 @@ class SlamNode {
   Publishers publishers_;
   Diagnostics diagnostics_;
   RunWriter writer_;
-  ros::WallTime start_;
-  ros::WallTime last_warning_;
+  LoadControl load_;
+  WorkQueue queue_;
+  WorkQueue::Clock::time_point start_ = WorkQueue::Clock::now();
+  WorkQueue::Clock::time_point last_health_ = start_;
+  WorkQueue::Clock::time_point last_warning_ = start_;
+  WorkQueue::Clock::time_point last_autosave_ = start_;
+  std::future<void> autosave_;
+  WorkQueue::Clock::time_point item_arrival_ = start_;
   std::map<std::string, std::uint64_t> warned_turned_away_;
   bool finished_ = false;
+  mutable std::mutex failure_mutex_;
+  std::string failure_;
+  std::atomic<bool> abandon_{false};
+  std::atomic<bool> transforms_wanted_{true}; ///< /tf is busy, with our own transforms too
+  ros::CallbackQueue service_queue_;
   std::vector<ros::Subscriber> subscribers_;
   std::vector<ros::ServiceServer> services_;
-  ros::WallTimer health_timer_;
+  ros::AsyncSpinner service_spinner_{1, &service_queue_};
+  std::thread worker_;
 };
 
 } // namespace vi_ekf_slam

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <optional>
+
+#include "vi_ekf_slam/core/measurement.hpp"
+
+namespace vi_ekf_slam {
+
+/// Between the callbacks, which only put their message here, and the thread that computes. Thread-safe.
+///
+/// When the computing does not keep up, frames are shed, the oldest first: one that has waited for more than
+/// `max_latency_s`, while a newer one is here. One in each `max_latency_s` is given out all the same, since
+/// with none at all the filter could not let go of its landmarks. IMU and velocity are never shed. Only when `max_size` is
+/// reached, which bounds the memory, the oldest frame or, without one, the oldest item is dropped.
+class WorkQueue {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  struct Options {
+    double max_latency_s = 0.0; ///< s of wall time; 0: nothing is shed
+    std::size_t max_size = 100000;
+  };
+
+  struct Item {
+    std::function<void()> work;
+    std::optional<Stream> stream; ///< nothing: neither counted nor dropped
+    Clock::time_point arrival = Clock::now();
+  };
+
+  struct Counts {
+    std::uint64_t frames_shed = 0;                      ///< too old while a newer one was here
+    std::array<std::uint64_t, kStreamCount> overflow{}; ///< dropped because the queue was full
+    std::size_t size = 0;                               ///< items that wait now
+  };
+
+  explicit WorkQueue(const Options& options) : options_(options) {}
+
+  /// False, and nothing is done, once the queue is closed.
+  bool push(std::function<void()> work, std::optional<Stream> stream);
+  /// The next item; nothing after `wait_s` without one.
+  std::optional<Item> pop(double wait_s);
+  /// Nothing more comes in; what is held can still be taken.
+  void close();
+  /// Forgets what is held; returns how many measurements that were.
+  std::size_t clear();
+  bool closed() const;
+  Counts counts() const;
+
+ private:
+  static bool isFrame(const Item& item) { return item.stream == Stream::kStereo; }
+  void makeRoom();
+  void shedOld();
+
+  Options options_;
+  mutable std::mutex mutex_;
+  std::condition_variable arrived_;
+  std::deque<Item> items_;
+  std::size_t frames_ = 0; ///< among the items
+  std::optional<Clock::time_point> last_frame_; ///< when one was given out
+  Counts counts_;
+  bool closed_ = false;
+};
+
+/// Seconds since `then`.
+inline double secondsSince(WorkQueue::Clock::time_point then) {
+  return std::chrono::duration<double>(WorkQueue::Clock::now() - then).count();
+}
+
+} // namespace vi_ekf_slam

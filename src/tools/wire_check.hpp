@@ -1,0 +1,61 @@
+#pragma once
+
+#include <ros/serialization.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <vector>
+
+#include "vi_ekf_slam/StereoFeatureArray.h"
+
+/// roscpp makes room for as many elements as a message's bytes announce before it looks whether they are
+/// there: sixteen bytes can ask for a hundred gigabytes. These look first. What a message without arrays
+/// holds is bounded anyway.
+namespace vi_ekf_slam::wire {
+
+/// Throws unless the array that begins here, of elements of at least `size` bytes, can be within the stream.
+inline void requireArray(ros::serialization::IStream& stream, std::uint32_t size) {
+  std::uint32_t count = 0;
+  stream.next(count);
+  if (count > stream.getLength() / size)
+    throw std::runtime_error("a message announces more elements than it holds");
+}
+
+template <typename Message>
+void requireArrays(ros::serialization::IStream /*stream*/, const Message* /*type*/) {}
+
+inline void requireArrays(ros::serialization::IStream stream, const StereoFeatureArray* /*type*/) {
+  std_msgs::Header header;
+  stream.next(header);
+  requireArray(stream, 40);
+}
+
+inline void requireArrays(ros::serialization::IStream stream, const tf2_msgs::TFMessage* /*type*/) {
+  requireArray(stream, 76); // two empty names, a stamp, seven doubles
+}
+
+inline void requireArrays(ros::serialization::IStream stream, const sensor_msgs::CameraInfo* /*type*/) {
+  std_msgs::Header header;
+  std::uint32_t height = 0, width = 0;
+  std::string distortion_model;
+  stream.next(header);
+  stream.next(height);
+  stream.next(width);
+  stream.next(distortion_model);
+  requireArray(stream, 8); // D
+}
+
+/// The message in `bytes`. Throws a std::exception when they are not one.
+template <typename Message>
+Message read(std::vector<std::uint8_t>& bytes) {
+  Message message;
+  const ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  requireArrays(stream, &message);
+  ros::serialization::IStream whole = stream;
+  ros::serialization::deserialize(whole, message);
+  return message;
+}
+
+} // namespace vi_ekf_slam::wire

@@ -1,0 +1,200 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+#include <thread>
+
+#include "vi_ekf_slam/ros/feature_screen.hpp"
+#include "vi_ekf_slam/ros/latency_meter.hpp"
+#include "vi_ekf_slam/ros/load_control.hpp"
+#include "vi_ekf_slam/ros/pacer.hpp"
+#include "vi_ekf_slam/ros/work_queue.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// Runs all that the queue still gives, in its order.
+std::string takeAll(WorkQueue& queue, std::string& done) {
+  while (auto item = queue.pop(0.0)) item->work();
+  return done;
+}
+
+class Queue : public testing::Test {
+ protected:
+  void push(WorkQueue& queue, char name, std::optional<Stream> stream) {
+    EXPECT_TRUE(queue.push([this, name] { done_ += name; }, stream));
+  }
+  std::string done_;
+};
+
+TEST_F(Queue, keeps_the_order_of_arrival) {
+  WorkQueue queue({0.3, 100});
+  push(queue, 'g', Stream::kGyro);
+  push(queue, 'f', Stream::kStereo);
+  push(queue, 'c', std::nullopt);
+  push(queue, 'v', Stream::kVelocity);
+  EXPECT_EQ("gfcv", takeAll(queue, done_));
+}
+
+TEST_F(Queue, sheds_old_frames_the_oldest_first_and_never_the_newest_nor_anything_else) {
+  WorkQueue queue({0.05, 100});
+  push(queue, '0', Stream::kStereo);
+  for (const char frame : {'1', '2', '3'}) {
+    push(queue, 'g', Stream::kGyro);
+    push(queue, 'v', Stream::kVelocity);
+    push(queue, frame, Stream::kStereo);
+  }
+  std::this_thread::sleep_for(milliseconds(100));
+  EXPECT_EQ("0gvgvgv3", takeAll(queue, done_));
+  EXPECT_EQ(2U, queue.counts().frames_shed);
+}
+
+TEST_F(Queue, gives_out_a_frame_now_and_then_however_old_they_are) {
+  WorkQueue queue({0.02, 100});
+  for (const char frame : {'1', '2', '3', '4'}) push(queue, frame, Stream::kStereo);
+  std::this_thread::sleep_for(milliseconds(40));
+  queue.pop(0.0)->work();
+  std::this_thread::sleep_for(milliseconds(40));
+  queue.pop(0.0)->work();
+  EXPECT_EQ("12", done_);
+  EXPECT_EQ(0U, queue.counts().frames_shed);
+  EXPECT_EQ("124", takeAll(queue, done_));
+}
+
+TEST_F(Queue, sheds_nothing_that_is_young_or_when_told_not_to) {
+  WorkQueue young({10.0, 100}), patient({0.0, 100});
+  for (WorkQueue* queue : {&young, &patient}) {
+    push(*queue, 'a', Stream::kStereo);
+    push(*queue, 'b', Stream::kStereo);
+    std::this_thread::sleep_for(milliseconds(5));
+    takeAll(*queue, done_);
+    EXPECT_EQ(0U, queue->counts().frames_shed);
+  }
+  EXPECT_EQ("abab", done_);
+}
+
+TEST_F(Queue, is_bounded_frames_go_first_and_losses_are_counted) {
+  WorkQueue queue({0.0, 3});
+  push(queue, 'g', Stream::kGyro);
+  push(queue, 'f', Stream::kStereo);
+  push(queue, 'c', std::nullopt);
+  push(queue, 'h', Stream::kGyro);     // f goes
+  push(queue, 'v', Stream::kVelocity); // g goes
+  EXPECT_EQ("chv", takeAll(queue, done_));
+  const auto overflow = queue.counts().overflow;
+  EXPECT_EQ(1U, overflow[static_cast<std::size_t>(Stream::kGyro)]);
+  EXPECT_EQ(1U, overflow[static_cast<std::size_t>(Stream::kStereo)]);
+}
+
+TEST_F(Queue, closed_takes_nothing_more_but_gives_what_it_holds) {
+  WorkQueue queue({0.0, 10});
+  push(queue, 'a', Stream::kGyro);
+  queue.close();
+  EXPECT_FALSE(queue.push([] {}, Stream::kGyro));
+  EXPECT_EQ("a", takeAll(queue, done_));
+  EXPECT_EQ(0U, queue.clear());
+}
+
+TEST(Load, fewer_features_while_frames_wait_and_more_again_when_they_do_not) {
+  LoadControl load(400, 0.4);
+  EXPECT_EQ(400U, load.limit());
+  for (int i = 0; i < 3; ++i) load.noteFrame(0.2);
+  EXPECT_EQ(204U, load.limit());
+  for (int i = 0; i < 100; ++i) load.noteFrame(1.0);
+  EXPECT_EQ(LoadControl::kMinFeatures, load.limit());
+  for (int i = 0; i < 1000; ++i) load.noteFrame(0.001);
+  EXPECT_EQ(400U, load.limit());
+  LoadControl few(10, 0.4);
+  few.noteFrame(1.0);
+  EXPECT_EQ(10U, few.limit());
+  LoadControl patient(400, 0.0);
+  patient.noteFrame(100.0);
+  EXPECT_EQ(400U, patient.limit());
+}
+
+TEST(Latency, is_from_arrival_to_result_of_the_same_stamp) {
+  LatencyMeter meter;
+  const auto now = WorkQueue::Clock::now();
+  meter.noteArrival(Stream::kGyro, 1, now - milliseconds(500));
+  meter.noteArrival(Stream::kGyro, 2, now - milliseconds(100));
+  meter.noteArrival(Stream::kStereo, 2, now - milliseconds(300));
+  meter.noteResult(Stream::kStereo, 2);
+  meter.noteResult(Stream::kGyro, 2);
+  meter.noteResult(Stream::kGyro, 1); // overtaken
+  meter.noteResult(Stream::kGyro, 7); // never arrived
+  const auto summary = meter.take();
+  EXPECT_EQ(2U, summary.results);
+  EXPECT_NEAR(0.3, summary.max_s, 0.05);
+  EXPECT_EQ(0U, meter.take().results);
+}
+
+TEST(Pace, holds_period_and_bandwidth) {
+  Pacer pacer(0.5, 1e6);
+  constexpr Stamp kSecond = 1000000000;
+  EXPECT_TRUE(pacer.isDue(0));
+  pacer.noteSent(0, 100);
+  EXPECT_FALSE(pacer.isDue(kSecond / 4));
+  EXPECT_TRUE(pacer.isDue(kSecond / 2));
+  pacer.noteSent(kSecond, 3000000); // 3 s at this bandwidth
+  EXPECT_FALSE(pacer.isDue(kSecond * 39 / 10));
+  EXPECT_TRUE(pacer.isDue(4 * kSecond));
+  pacer.restart();
+  EXPECT_TRUE(pacer.isDue(0));
+}
+
+StereoFrame frameOf(const std::vector<StereoPixels>& pixels) {
+  StereoFrame frame;
+  for (const auto& z : pixels) frame.features.push_back({frame.features.size(), z});
+  return frame;
+}
+
+TEST(Screen, removes_what_is_unusable_one_by_one_and_counts_the_reasons) {
+  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  StereoFrame frame = frameOf({{100, 50, 90, 50},
+                               {nan, 50, 90, 50},
+                               {100, 50, 90, -inf},
+                               {700, 50, 690, 50},
+                               {100, 50, -5, 50},
+                               {100, 480.5, 90, 480.5},
+                               {100, -0.5, 90, -0.5},
+                               {100, 1e300, 90, 50},
+                               {639, 50, -1.0, 50},
+                               {100, 50, 110, 50}});
+  const ScreenCounts counts = screenFeatures(frame, ImageSize{640, 480}, 1000);
+  EXPECT_EQ(2U, counts.not_finite);
+  EXPECT_EQ(3U, counts.outside);
+  EXPECT_EQ(2U, counts.absurd);
+  EXPECT_EQ(1U, counts.no_disparity);
+  std::vector<FeatureId> ids;
+  for (const auto& f : frame.features) ids.push_back(f.id);
+  EXPECT_EQ((std::vector<FeatureId>{0, 6, 9}), ids);
+}
+
+TEST(Screen, knows_no_outside_without_the_size_of_the_image) {
+  StereoFrame frame = frameOf({{7000, 50, 690, 50}, {2e6, 50, 90, 50}});
+  const ScreenCounts counts = screenFeatures(frame, std::nullopt, 1000);
+  EXPECT_EQ(0U, counts.outside);
+  EXPECT_EQ(1U, counts.absurd);
+  EXPECT_EQ(1U, frame.features.size());
+}
+
+TEST(Screen, of_too_many_takes_the_same_tracks_from_frame_to_frame) {
+  StereoFrame first = frameOf(std::vector<StereoPixels>(50000, {100, 50, 90, 50})), second = first;
+  second.features.erase(second.features.begin(), second.features.begin() + 100);
+  EXPECT_EQ(49600U, screenFeatures(first, ImageSize{640, 480}, 400).surplus);
+  screenFeatures(second, ImageSize{640, 480}, 400);
+  ASSERT_EQ(400U, first.features.size());
+  ASSERT_EQ(400U, second.features.size());
+  std::set<FeatureId> kept;
+  for (const auto& f : first.features) kept.insert(f.id);
+  EXPECT_GT(*kept.rbegin(), 40000U) << "spread over all of them";
+  std::size_t again = 0;
+  for (const auto& f : second.features) again += kept.count(f.id);
+  EXPECT_GT(again, 390U);
+}
+
+} // namespace
+} // namespace vi_ekf_slam
