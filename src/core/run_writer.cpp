@@ -191,7 +191,8 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
-       << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nresets: " << c.resets << "\ngaps: " << c.gaps << "\n"
+       << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
+       << "\nresets: " << c.resets << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)
        << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
        << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";

@@ -155,6 +155,7 @@ void SlamSystem::process(const Measurement& measurement) {
     counts_.features_rejected += report.rejected;
     counts_.frames_rejected += report.frame_rejected ? 1 : 0;
     counts_.landmarks_revisited += report.revisited;
+    counts_.places_recognised += report.place_recognised ? 1 : 0;
     if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
   }
 }

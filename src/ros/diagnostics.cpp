@@ -164,6 +164,7 @@ void Diagnostics::drops(Status& status) {
   status.add("frames without calibration", c.frames_without_rig);
   status.add("frames rejected", c.frames_rejected);
   status.add("landmarks revisited", c.landmarks_revisited);
+  status.add("places recognised", c.places_recognised);
   status.add("gaps", c.gaps);
   status.add("resets", c.resets);
   if (drops > reported_drops_) {

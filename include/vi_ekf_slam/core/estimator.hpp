@@ -40,6 +40,7 @@ struct FrameReport {
   std::size_t initialised = 0; ///< became landmarks
   std::size_t removed = 0;     ///< landmarks that are no longer active
   std::size_t revisited = 0;   ///< landmarks found to be ones that were seen before
+  bool place_recognised = false; ///< by the constellation of the landmarks
   std::size_t landmarks = 0;   ///< in the state after the frame, active
   std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used

@@ -47,6 +47,7 @@ struct SystemCounts {
   std::uint64_t features_rejected = 0;
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
+  std::uint64_t places_recognised = 0;
 };
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:

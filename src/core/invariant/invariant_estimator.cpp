@@ -140,8 +140,10 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     if (state_.keepsInactive()) {
       boundInactive();
       revisit(report);
+      recognisePlace(report);
     }
   }
+  if (report.place_recognised) rotation_variance_.setZero();
   keepRotationVariance();
   last_used_ = report.used;
   last_frame_ = frame.stamp;
@@ -161,7 +163,7 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
 
 /// Nothing that is measured tells how the whole world is turned, so its variance does not fall: where the
 /// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain depends on
-/// it. A landmark that was seen before does tell.
+/// it. A landmark or a place that was seen before does tell.
 void InvariantEstimator::keepRotationVariance() {
   const Eigen::Vector3d now = poseCovariance().diagonal().tail<3>();
   const auto& landmarks = state_.landmarks();

@@ -17,6 +17,7 @@ constexpr std::size_t kTellingObservations = 3;  // before a landmark is compare
 // Twins must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
 constexpr double kMostSaved = 100.0; // frames
+constexpr double kSamePoint = 1e-3;  // m, how far apart a landmark may be from itself: rounding
 // Landmarks of the map that are made active because they should come into view.
 constexpr std::size_t kMostRecalled = 60;
 constexpr double kRecallDistance = 50.0; // m
@@ -128,7 +129,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
     if (!now.count(id)) ids.push_back(id);
   }
   state_.activateLandmarks(ids);
-  const TwinFusion fusion = fuseTwins(state_, twins, kLeastTwins);
+  const TwinFusion fusion = fuseTwins(state_, twins, kLeastTwins, kSamePoint);
   const bool recognised = fusion.dof > 0;
   for (std::size_t i = ids.size(); i-- > twins.size();) {
     if (recognised) {

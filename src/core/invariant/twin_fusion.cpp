@@ -7,7 +7,6 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr double kSigma = 1e-3;     // m, how far apart the two may be: rounding, not a measurement
 constexpr double kGate = 11.345;    // chi-square, 3 degrees of freedom, 99 %
 constexpr double kJointGate = 2.0;  // of the joint chi-square, per degree of freedom
 
@@ -32,7 +31,7 @@ std::vector<bool> agreeing(const Eigen::MatrixXd& S, const Eigen::VectorXd& inno
 
 } // namespace
 
-TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t least) {
+TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t least, double sigma) {
   TwinFusion result;
   result.fused.assign(twins.size(), false);
   if (twins.empty()) return result;
@@ -52,7 +51,7 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
                                 PHt.middleRows<3>(State::offsetOf(twins[i].before));
   }
   S = (0.5 * (S + S.transpose())).eval();
-  S.diagonal().array() += kSigma * kSigma;
+  S.diagonal().array() += sigma * sigma;
 
   std::vector<bool> best(twins.size(), false);
   std::ptrdiff_t most = 0;

@@ -18,7 +18,9 @@ struct MapConfig {
   std::size_t min_observations = 10; ///< of a landmark, to be a good one
   /// Out of view in the joint covariance; beyond it those longest out of view are marginalised, and their last
   /// estimates stay in the map.
-  std::size_t max_landmarks = 2000;
+  std::size_t max_landmarks = 3000;
+  /// Whether places are recognised by the constellation of their landmarks, where ids do not return.
+  bool recognise_places = false;
 };
 
 /// The right-invariant EKF. Vectors are (velocity x, y, z, angular velocity x, y, z) in the IMU frame; sigmas

@@ -53,6 +53,7 @@ class InvariantEstimator : public Estimator {
   void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown, std::vector<bool>& keep,
                     FrameReport& report);
   void revisit(FrameReport& report);
+  void recognisePlace(FrameReport& report);
   std::vector<FeatureId> soonInView() const;
   bool isLongOutOfView(FeatureId inactive) const;
 
@@ -74,6 +75,7 @@ class InvariantEstimator : public Estimator {
   std::unordered_map<FeatureId, int> recalled_; ///< expected back in view, and for how many frames more
   std::unordered_set<FeatureId> disputed_;      ///< in view, and not where they were seen before
   double settling_allowance_ = 0.0;             ///< operations, see revisit
+  int frames_until_recognition_ = 0;            ///< see recognisePlace
 };
 
 } // namespace vi_ekf_slam::invariant
