@@ -1,0 +1,86 @@
+/// Places recognised without ids, on drives through streets that run in parallel and look alike.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <variant>
+
+#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+#include "vi_ekf_slam/simulation/monte_carlo.hpp"
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+struct Closures {
+  int all = 0, wrong = 0;
+  double final_error = 0.0; ///< m
+};
+
+/// A drive round a narrow block, whose two long streets run 40 m apart. A closure is wrong when it leaves the vehicle
+/// where it is not: by more than 3 m, and farther off than it was.
+Closures drive(std::uint64_t seed, double laps, bool recognise) {
+  DriveOptions options = studyOptions(MotionModel::kCarDrive);
+  options.seed = seed;
+  options.laps = laps;
+  options.block_width = 40.0;
+  options.strength_spread = 3.0;
+  options.gyro_sigma = 0.1; // to be less sure of where it is
+  Config config;
+  config.invariant.map.recognise_places = recognise;
+  DriveSimulator simulator(options);
+  const auto estimator = makeEstimator(config);
+  estimator->setRig(simulator.rig());
+  Closures closures;
+  double before = 0.0;
+  while (const std::optional<DriveStep> step = simulator.next()) {
+    for (const Measurement& measurement : measurementsOf(*step)) {
+      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+        estimator->process(*gyro);
+      } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
+        estimator->process(*velocity);
+      } else {
+        const FrameReport report = estimator->process(step->frame);
+        closures.final_error = (estimator->state().world_T_imu.translation() - step->world_T_imu.translation()).norm();
+        if (report.place_recognised) {
+          ++closures.all;
+          closures.wrong += closures.final_error > 3.0 && closures.final_error > before ? 1 : 0;
+        }
+        before = closures.final_error;
+      }
+    }
+  }
+  return closures;
+}
+
+void expectNoWrongOne(std::uint64_t seeds) {
+  int all = 0, drives = 0;
+  double with = 0.0, without = 0.0;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    const Closures closures = drive(seed, 2, true);
+    EXPECT_EQ(closures.wrong, 0) << seed;
+    all += closures.all;
+    drives += closures.all > 0 ? 1 : 0;
+    with += std::pow(closures.final_error, 2) / static_cast<double>(seeds);
+    if (seeds <= 5) without += std::pow(drive(seed, 2, false).final_error, 2) / static_cast<double>(seeds);
+  }
+  std::printf("%d closures on %d of %d drives of two laps; final position %.3f m", all, drives, static_cast<int>(seeds),
+              std::sqrt(with));
+  if (without > 0.0) {
+    std::printf(", without %.3f m", std::sqrt(without));
+    EXPECT_LT(with, without);
+  }
+  std::printf("\n");
+  EXPECT_GT(drives, static_cast<int>(seeds) / 2);
+}
+
+TEST(Places, AreRecognisedAndNotMistaken) { expectNoWrongOne(3); }
+
+// Takes a quarter of an hour: simulation_places_test --gtest_also_run_disabled_tests
+TEST(Places, DISABLED_AreNotMistakenOnAHundredDrives) { expectNoWrongOne(100); }
+
+} // namespace
+} // namespace vi_ekf_slam::simulation
