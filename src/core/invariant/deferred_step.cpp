@@ -25,127 +25,99 @@ std::size_t bytesOf(const DeferredStep& step) {
   return sizeof(DeferredStep) + std::visit([](const auto& s) { return heapOf(s); }, step);
 }
 
-BackwardSweep::BackwardSweep(Eigen::Index size, Eigen::Index capacity, bool with_information)
-    : size_(size),
-      with_information_(with_information),
-      rows_(0, capacity),
-      correction_(Eigen::VectorXd::Zero(capacity)) {
-  if (with_information) information_ = Eigen::MatrixXd::Zero(capacity, capacity);
-}
-
-void BackwardSweep::startRows() {
-  row_count_ = 0;
-  appendRows(Eigen::MatrixXd::Identity(size_, size_));
-}
-
-void BackwardSweep::appendRows(const Eigen::MatrixXd& rows) {
-  const Eigen::Index needed = row_count_ + rows.rows();
-  if (needed > rows_.rows()) rows_.conservativeResize(2 * needed, Eigen::NoChange);
-  rows_.block(row_count_, 0, rows.rows(), size_) = rows;
-  row_count_ = needed;
-}
-
-void BackwardSweep::back(const DeferredStep& step) {
+void CorrectionSweep::back(const DeferredStep& step) {
   std::visit([this](const auto& s) { back(s); }, step);
 }
 
-// x' = F x: rows <- rows F, information <- F^T information F, correction <- F^T correction.
+// x' = F x: correction <- F^T correction.
 
-void BackwardSweep::back(const Propagation& step) {
-  auto rows = activeRows();
-  rows.middleCols<6>(kTwist) += (rows * step.G).eval();
-  correction_.segment<6>(kTwist) += (step.G.transpose() * correction()).eval();
-  if (!with_information_) return;
-  auto information = activeInformation();
-  information.middleCols<6>(kTwist) += (information * step.G).eval();
-  information.middleRows<6>(kTwist) += (step.G.transpose() * information).eval();
+void CorrectionSweep::back(const Eigen::MatrixXd& F, const Eigen::VectorXd& learned) {
+  correction_ = learned + F.transpose() * correction_;
 }
 
-/// F = I - A B with B = L^-1 H; and B x is measured with unit noise: information += B^T B, correction += B^T w.
-void BackwardSweep::back(const KalmanUpdate& step) {
-  const auto L = step.L.triangularView<Eigen::Lower>();
-  auto rows = activeRows();
-  if (rows.rows() > 0) {
-    Eigen::MatrixXd along = rows * step.A;
-    L.solveInPlace<Eigen::OnTheRight>(along);
-    step.H.subtractFrom(rows, along);
-  }
-  Eigen::VectorXd weighted = step.w - step.A.transpose() * correction();
-  L.transpose().solveInPlace(weighted);
-  step.H.addTransposed(correction_.head(size_), weighted);
-  if (!with_information_) return;
-  // F^T N F + B^T B = N - V H - H^T V^T with V = (N A - B^T (A^T N A + I) / 2) L^-1.
-  auto information = activeInformation();
-  Eigen::MatrixXd V = information * step.A;
-  Eigen::MatrixXd T = step.A.transpose() * V;
-  T.diagonal().array() += 1.0;
-  L.transpose().solveInPlace(T);
-  T *= -0.5;
-  step.H.addTransposed(V, T);
-  L.solveInPlace<Eigen::OnTheRight>(V);
-  Eigen::MatrixXd minus_VH = Eigen::MatrixXd::Zero(size_, size_);
-  step.H.subtractFrom(minus_VH, V);
-  information += minus_VH;
-  information += minus_VH.transpose();
+void CorrectionSweep::back(const Propagation& step) {
+  correction_.segment<6>(kTwist) += (step.G.transpose() * correction_).eval();
 }
 
-void BackwardSweep::back(const Transport& step) {
-  auto rows = activeRows();
-  auto information = activeInformation();
-  const auto move = [](auto&& f, Eigen::Index j, const Eigen::Matrix3d& M) {
-    // f . x' = f_p x_p + f_j (x_p + M (x_j - x_p))
-    const auto moved = (f.template middleCols<3>(j) * M).eval();
-    f.template middleCols<3>(kPosition) += f.template middleCols<3>(j) - moved;
-    f.template middleCols<3>(j) = moved;
-  };
+/// F = I - A B with B = L^-1 H; and B x is measured with unit noise: correction += B^T w.
+void CorrectionSweep::back(const KalmanUpdate& step) {
+  Eigen::VectorXd weighted = step.w - step.A.transpose() * correction_;
+  step.L.triangularView<Eigen::Lower>().transpose().solveInPlace(weighted);
+  step.H.addTransposed(correction_, weighted);
+}
+
+void CorrectionSweep::back(const Transport& step) {
   for (std::size_t i = 0; i < step.M.size(); ++i) {
     const Eigen::Index j = State::offsetOf(i);
-    if (rows.rows() > 0) move(rows, j, step.M[i]);
     const Eigen::Vector3d moved = step.M[i].transpose() * correction_.segment<3>(j);
     correction_.segment<3>(kPosition) += correction_.segment<3>(j) - moved;
     correction_.segment<3>(j) = moved;
-    if (with_information_) move(information, j, step.M[i]);
   }
-  if (!with_information_) return;
-  information = information.transpose().eval();
-  for (std::size_t i = 0; i < step.M.size(); ++i) move(information, State::offsetOf(i), step.M[i]);
 }
 
-void BackwardSweep::back(const Birth&) {
-  const Eigen::Index n = size_ - 3;
-  auto rows = activeRows();
-  rows.middleCols<3>(kPosition) += rows.middleCols<3>(n);
-  correction_.segment<3>(kPosition) += correction_.segment<3>(n);
-  if (with_information_) {
-    auto information = activeInformation();
-    information.middleCols<3>(kPosition) += information.middleCols<3>(n);
-    information.middleRows<3>(kPosition) += information.middleRows<3>(n);
+void CorrectionSweep::back(const Birth&) {
+  correction_.segment<3>(kPosition) += correction_.tail<3>();
+  correction_.conservativeResize(correction_.size() - 3);
+}
+
+void CorrectionSweep::back(const Removal& step) {
+  correction_.conservativeResize(correction_.size() + 3);
+  correction_.tail<3>().setZero();
+  correction_.segment<3>(step.row).swap(correction_.tail<3>());
+}
+
+void CorrectionSweep::back(const Oblivion& step) { correction_.segment<3>(step.row).setZero(); }
+
+ForwardSweep::ForwardSweep(Eigen::Index size, Eigen::Index rows, Eigen::Index columns)
+    : rows_(size),
+      columns_(size),
+      X_(size + rows, columns),
+      gram_(Eigen::MatrixXd::Zero(size + rows, size + rows)),
+      learned_(Eigen::VectorXd::Zero(size + rows)) {
+  active().setIdentity();
+}
+
+void ForwardSweep::append(const Eigen::Matrix<double, 3, Eigen::Dynamic>& cross) {
+  X_.block(rows_, 0, 3, columns_) = cross;
+  rows_ += 3;
+}
+
+void ForwardSweep::forward(const DeferredStep& step) {
+  std::visit([this](const auto& s) { forward(s); }, step);
+}
+
+void ForwardSweep::forward(const Propagation& step) {
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> twist = active().middleCols<6>(kTwist);
+  active().noalias() += twist * step.G.transpose();
+}
+
+/// With Y = X B^T, B = L^-1 H: X -= Y A^T, and y is learned about by Y w, with Y Y^T less of its covariance.
+void ForwardSweep::forward(const KalmanUpdate& step) {
+  Eigen::MatrixXd Y = step.H.timesTransposed(active());
+  step.L.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(Y);
+  active().noalias() -= Y * step.A.transpose();
+  gram_.topLeftCorner(rows_, rows_).selfadjointView<Eigen::Lower>().rankUpdate(Y);
+  learned_.head(rows_).noalias() += Y * step.w;
+}
+
+void ForwardSweep::forward(const Transport& step) {
+  const Eigen::Matrix<double, Eigen::Dynamic, 3> position = active().middleCols<3>(kPosition);
+  for (std::size_t i = 0; i < step.M.size(); ++i) {
+    auto own = active().middleCols<3>(State::offsetOf(i));
+    own = (position + (own - position) * step.M[i].transpose()).eval();
   }
-  size_ = n;
 }
 
-void BackwardSweep::back(const Removal& step) {
-  const Eigen::Index n = size_, row = step.row;
-  size_ = n + 3;
-  auto rows = activeRows();
-  rows.middleCols<3>(n).setZero();
-  rows.middleCols<3>(row).swap(rows.middleCols<3>(n));
-  correction_.segment<3>(n).setZero();
-  correction_.segment<3>(row).swap(correction_.segment<3>(n));
-  if (!with_information_) return;
-  auto information = activeInformation();
-  information.rightCols<3>().setZero();
-  information.bottomRows<3>().setZero();
-  information.middleCols<3>(row).swap(information.middleCols<3>(n));
-  information.middleRows<3>(row).swap(information.middleRows<3>(n));
+void ForwardSweep::forward(const Birth&) {
+  columns_ += 3;
+  active().rightCols<3>() = active().middleCols<3>(kPosition);
 }
 
-void BackwardSweep::back(const Oblivion& step) {
-  activeRows().middleCols<3>(step.row).setZero();
-  correction_.segment<3>(step.row).setZero();
-  if (!with_information_) return;
-  information_.middleCols<3>(step.row).setZero();
-  information_.middleRows<3>(step.row).setZero();
+void ForwardSweep::forward(const Removal& step) {
+  if (step.row != columns_ - 3) active().middleCols<3>(step.row) = active().rightCols<3>().eval();
+  columns_ -= 3;
 }
+
+void ForwardSweep::forward(const Oblivion& step) { active().middleCols<3>(step.row).setZero(); }
 
 } // namespace vi_ekf_slam::invariant

@@ -14,17 +14,8 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kChunkSteps = 64;
-// Chunks that are composed before the long list of functionals goes through them at once.
-constexpr std::size_t kChunksAtOnce = 8;
+constexpr std::size_t kChunksAtOnce = 8; // that are composed into one stretch
 constexpr std::size_t kMaxJournalBytes = 512u << 20;
-
-/// d = e - [m]x xi_R as functionals of the active errors, `size` of them.
-Eigen::MatrixXd worldForm(const Eigen::Vector3d& position, Eigen::Index row, Eigen::Index size) {
-  Eigen::MatrixXd d = Eigen::MatrixXd::Zero(3, size);
-  d.middleCols<3>(row).setIdentity();
-  d.middleCols<3>(kRotation) = -so3::hat(position);
-  return d;
-}
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
 
@@ -38,19 +29,25 @@ double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;
   const auto n = static_cast<double>(update->A.rows()), r = static_cast<double>(update->A.cols());
-  return 6.0 * n * n * r + 5.0 * n * r * r;
+  return 5.0 * n * n * r + 1.5 * n * r * r;
+}
+
+/// How many rows the active state gains.
+Eigen::Index gainOf(const DeferredStep& step) {
+  if (std::holds_alternative<Birth>(step)) return 3;
+  return std::holds_alternative<Removal>(step) ? -3 : 0;
 }
 
 } // namespace
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
+  if (open_.steps.empty()) open_.size = size - gainOf(step);
   journal_bytes_ += bytesOf(step);
   journal_cost_ += costOf(step);
-  largest_ = std::max(largest_, size);
   open_.steps.push_back(std::move(step));
   if (open_.steps.size() < kChunkSteps) return;
   closeChunk();
-  if (journal_bytes_ > kMaxJournalBytes) settle(size, 0);
+  while (journal_bytes_ > kMaxJournalBytes && !journal_.empty()) compose();
 }
 
 void InactiveMap::closeChunk() {
@@ -60,16 +57,21 @@ void InactiveMap::closeChunk() {
   forgetSteps();
 }
 
+void InactiveMap::forgetChunk() {
+  for (const DeferredStep& step : journal_.front()->steps) {
+    journal_bytes_ -= bytesOf(step);
+    journal_cost_ -= costOf(step);
+  }
+  journal_.pop_front();
+}
+
 /// Steps before the first departure matter to nobody where nothing is settled.
 void InactiveMap::forgetSteps() {
+  if (settledCount() > 0) return;
+  while (!stretches_.empty() && stretches_.front().left() == 0) stretches_.pop_front();
+  if (!stretches_.empty()) return;
   const std::uint64_t first = departures_.empty() ? last_serial_ + 1 : departures_.front()->serial;
-  while (settledCount() == 0 && !journal_.empty() && journal_.front()->last_serial < first) {
-    for (const DeferredStep& step : journal_.front()->steps) {
-      journal_bytes_ -= bytesOf(step);
-      journal_cost_ -= costOf(step);
-    }
-    journal_.pop_front();
-  }
+  while (!journal_.empty() && journal_.front()->last_serial < first) forgetChunk();
 }
 
 void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross,
@@ -78,7 +80,6 @@ void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covarianc
     throw std::logic_error("landmark " + std::to_string(landmark.id) + " is held already");
   departures_.push_back(std::make_shared<const Departure>(
       Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
-  largest_ = std::max(largest_, size + 3);
   record(Removal{row, last_serial_}, size);
 }
 
@@ -92,109 +93,111 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
   return *settled_;
 }
 
-/// Sweeps backward through a chunk. At a departure, with the sweep at the time just after it, calls
-/// at_departure(departure), which returns the functionals (of the errors just before it) to go on with.
-template <class AtDeparture>
-void InactiveMap::goBack(BackwardSweep& sweep, const Chunk& chunk, AtDeparture&& at_departure) const {
-  for (auto step = chunk.steps.rbegin(); step != chunk.steps.rend(); ++step) {
-    const auto* removal = std::get_if<Removal>(&*step);
-    const Departure* departure = removal ? departureOf(*removal) : nullptr;
-    if (departure) {
-      at_departure(*departure, *removal);
-    } else {
-      sweep.back(*step);
+/// The first chunks of the journal become a stretch.
+void InactiveMap::compose() {
+  const auto end = journal_.begin() + static_cast<std::ptrdiff_t>(std::min(kChunksAtOnce, journal_.size()));
+  const std::uint64_t last = (*std::prev(end))->last_serial;
+  const auto stays = std::find_if(departures_.begin(), departures_.end(),
+                                  [last](const auto& departure) { return departure->serial > last; });
+  const Eigen::Index begin = journal_.front()->size, left = rowsOf(static_cast<std::size_t>(stays - departures_.begin()));
+  Eigen::Index size = begin, largest = begin;
+  for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
+    for (const DeferredStep& step : (*chunk)->steps) largest = std::max(largest, size += gainOf(step));
+  }
+
+  auto stretch = std::make_shared<Stretch>();
+  ForwardSweep sweep(begin, left, largest);
+  // Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep takes along.
+  Eigen::MatrixXd leaving = Eigen::MatrixXd::Zero(begin + left, left);
+  for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
+    for (const DeferredStep& step : (*chunk)->steps) {
+      const auto* removal = std::get_if<Removal>(&step);
+      const Departure* departure = removal ? departureOf(*removal) : nullptr;
+      const auto X = sweep.X();
+      const Eigen::Index column = rowsOf(stretch->landmarks.size());
+      if (departure) { // d = e - [m]x xi_R
+        leaving.block(0, column, X.rows(), 3) =
+            X.middleCols<3>(removal->row) +
+            X.middleCols<3>(kRotation) * so3::hat(departure->inactive.landmark.position);
+        leaving.block<3, 3>(begin + column, column) = departure->inactive.covariance;
+        stretch->landmarks.push_back(departure->inactive.landmark);
+        stretch->serials.push_back(departure->serial);
+      }
+      sweep.forward(step);
+      if (departure) sweep.append(departure->cross.transpose());
     }
   }
+
+  const auto gram = sweep.gram();
+  stretch->F = sweep.X().topRows(begin).transpose();
+  stretch->cross = sweep.X().bottomRows(left).transpose();
+  stretch->information = gram.topLeftCorner(begin, begin);
+  mirrorLower(stretch->information);
+  stretch->learned = sweep.learned().head(begin);
+  stretch->origin = leaving.topRows(begin).transpose() - gram.bottomLeftCorner(left, begin);
+  stretch->covariance = leaving.bottomRows(left).transpose() - gram.bottomRightCorner(left, left);
+  mirrorLower(stretch->covariance);
+  for (std::size_t i = 0; i < stretch->landmarks.size(); ++i)
+    stretch->landmarks[i].position += sweep.learned().segment<3>(begin + rowsOf(i));
+  stretches_.push_back({std::move(stretch)});
+  departures_.erase(departures_.begin(), stays);
+  for (auto chunks = end - journal_.begin(); chunks > 0; --chunks) forgetChunk();
 }
 
 void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
   if (!open_.steps.empty()) closeChunk();
+  while (!journal_.empty()) compose();
   Settled& settled = ownSettled();
-  const Eigen::Index old = rowsOf(settled.landmarks.size()), left = rowsOf(departures_.size());
-  const Eigen::Index capacity = std::max({largest_, size, settled.rows});
-
-  // Column by column, the last departure first: covariance with the active errors of now, then with the d of those
-  // that left later.
-  Eigen::MatrixXd columns(size + left, left);
-  std::vector<Landmark> landmarks;
-  std::vector<std::uint64_t> serials;
-  // The active errors of now and the d of those that left, as functionals of the errors at the time reached.
-  Eigen::MatrixXd later = Eigen::MatrixXd::Identity(size, size);
-  BackwardSweep sweep(size, capacity, true);
-  for (std::size_t end = journal_.size(); end > 0;) {
-    const std::size_t begin = end > kChunksAtOnce ? end - kChunksAtOnce : 0;
-    sweep.startRows();
-    const Eigen::Index here = sweep.size(), first = rowsOf(landmarks.size());
-    std::vector<Columns3> with_here; // the chunks' departures with the active errors at their end
-    for (; end > begin; --end) {
-      goBack(sweep, *journal_[end - 1], [&](const Departure& departure, const Removal& removal) {
-        const Columns3& c = departure.cross;
-        const Eigen::Index column = rowsOf(landmarks.size());
-        const Columns3 with = sweep.rows() * c;
-        with_here.push_back(with.topRows(here));
-        columns.block(later.rows(), column, with.rows() - here, 3) = with.bottomRows(with.rows() - here);
-        const Eigen::Matrix<double, 3, Eigen::Dynamic> learned = c.transpose() * sweep.information();
-        columns.block<3, 3>(size + column, column) = departure.inactive.covariance - learned * c;
-        landmarks.push_back(departure.inactive.landmark);
-        landmarks.back().position += c.transpose() * sweep.correction();
-        serials.push_back(departure.serial);
-        Eigen::MatrixXd d = -learned;
-        sweep.back(DeferredStep(removal));
-        // `learned` is of the errors after the removal: as the sweep itself, to those before it.
-        Eigen::MatrixXd before = worldForm(departure.inactive.landmark.position, removal.row, sweep.size());
-        before.leftCols(d.cols()) += d;
-        if (removal.row != d.cols()) {
-          before.rightCols<3>() += d.middleCols<3>(removal.row);
-          before.middleCols<3>(removal.row) -= d.middleCols<3>(removal.row);
-        }
-        sweep.appendRows(before);
-      });
-    }
-    Eigen::MatrixXd with(here, rowsOf(with_here.size()));
-    for (std::size_t i = 0; i < with_here.size(); ++i) with.middleCols<3>(rowsOf(i)) = with_here[i];
-    columns.block(0, first, later.rows(), with.cols()).noalias() = later * with;
-    const auto rows = sweep.rows();
-    Eigen::MatrixXd all(later.rows() + rows.rows() - here, rows.cols());
-    all.topRows(later.rows()).noalias() = later * rows.topRows(here);
-    all.bottomRows(rows.rows() - here) = rows.bottomRows(rows.rows() - here);
-    later.swap(all);
-  }
-
+  const Eigen::Index old = rowsOf(settled.landmarks.size()), left = rowsOf(ids_.size()) - old;
   reserve(settled.covariance, old + left, old + left);
+  reserve(settled.cross, size + rowsOf(arrivals), old + left);
   auto P = settled.covariance.topLeftCorner(old + left, old + left);
-  if (old > 0 && !journal_.empty()) {
-    const Eigen::MatrixXd cross = settled.cross.topLeftCorner(settled.rows, old);
-    const Eigen::MatrixXd learned = sweep.information() * cross;
-    P.topLeftCorner(old, old).triangularView<Eigen::Lower>() -= cross.transpose() * learned;
-    const Eigen::VectorXd moved = cross.transpose() * sweep.correction();
-    for (std::size_t i = 0; i < settled.landmarks.size(); ++i)
-      settled.landmarks[i].position += moved.segment<3>(rowsOf(i));
-    const Eigen::MatrixXd with = later * cross;
-    reserve(settled.cross, size + rowsOf(arrivals), old + left);
-    settled.cross.topLeftCorner(size, old) = with.topRows(size);
-    // Those that left last come last.
-    for (Eigen::Index i = 0; i < left; i += 3)
-      P.block(old + left - 3 - i, 0, 3, old) = with.middleRows(size + i, 3);
-  } else {
-    reserve(settled.cross, size + rowsOf(arrivals), old + left);
+  settled.landmarks.resize(settled.landmarks.size() + static_cast<std::size_t>(left / 3));
+  settled.serials.resize(settled.landmarks.size());
+
+  // From the time reached to now, as of a stretch; and the d of those that left since, in terms of the errors then.
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(size, size), information = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd correction = Eigen::VectorXd::Zero(size);
+  Eigen::MatrixXd later(0, size);
+  Eigen::Index first = old + left; // row of the first of those
+  for (; !stretches_.empty(); stretches_.pop_back()) {
+    const Stretch& stretch = *stretches_.back().stretch;
+    const std::size_t gone = stretches_.back().gone;
+    const Eigen::Index own = rowsOf(stretches_.back().left()), here = first - own;
+    const auto cross = stretch.cross.rightCols(own);
+    const Eigen::MatrixXd learned = cross.transpose() * information;
+    settled.cross.block(0, here, size, own).noalias() = F * cross;
+    P.block(first, here, later.rows(), own).noalias() = later * cross;
+    P.block(here, here, own, own) = stretch.covariance.bottomRightCorner(own, own);
+    P.block(here, here, own, own).noalias() -= learned * cross;
+    for (std::size_t i = gone; i < stretch.landmarks.size(); ++i) {
+      const std::size_t to = static_cast<std::size_t>(here / 3) + i - gone;
+      settled.landmarks[to] = stretch.landmarks[i];
+      settled.landmarks[to].position += stretch.cross.middleCols<3>(rowsOf(i)).transpose() * correction;
+      settled.serials[to] = stretch.serials[i];
+    }
+    Eigen::MatrixXd all(own + later.rows(), stretch.F.cols());
+    all.topRows(own) = stretch.origin.bottomRows(own);
+    all.topRows(own).noalias() -= learned * stretch.F;
+    all.bottomRows(later.rows()).noalias() = later * stretch.F;
+    later.swap(all);
+    first = here;
+    F = (F * stretch.F).eval();
+    information = (stretch.F.transpose() * information * stretch.F).eval() + stretch.information;
+    correction = stretch.learned + stretch.F.transpose() * correction;
   }
-  for (Eigen::Index column = 0; column < left; column += 3) {
-    const Eigen::Index to = old + left - 3 - column;
-    settled.cross.block(0, to, size, 3) = columns.block(0, column, size, 3);
-    for (Eigen::Index row = 0; row < column; row += 3)
-      P.block<3, 3>(old + left - 3 - row, to) = columns.block<3, 3>(size + row, column);
-    const Eigen::Matrix3d own = columns.block<3, 3>(size + column, column);
-    P.block<3, 3>(to, to) = 0.5 * (own + own.transpose());
+
+  if (old > 0) {
+    const Eigen::MatrixXd cross = settled.cross.topLeftCorner(settled.rows, old);
+    const Eigen::MatrixXd learned = information * cross;
+    P.topLeftCorner(old, old).triangularView<Eigen::Lower>() -= cross.transpose() * learned;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(old / 3); ++i)
+      settled.landmarks[i].position += cross.middleCols<3>(rowsOf(i)).transpose() * correction;
+    settled.cross.topLeftCorner(size, old).noalias() = F * cross;
+    P.block(old, 0, left, old).noalias() = later * cross;
   }
   mirrorLower(P);
   settled.rows = size;
-  settled.landmarks.insert(settled.landmarks.end(), landmarks.rbegin(), landmarks.rend());
-  settled.serials.insert(settled.serials.end(), serials.rbegin(), serials.rend());
-  departures_.clear();
-  journal_.clear();
-  journal_bytes_ = 0;
-  journal_cost_ = 0.0;
-  largest_ = size;
 }
 
 InactiveMap::Taken InactiveMap::take(FeatureId id) {
@@ -221,7 +224,6 @@ void InactiveMap::appendActive(const Eigen::Matrix<double, 3, Eigen::Dynamic>& r
   reserve(settled.cross, settled.rows + 3, rows.cols());
   settled.cross.block(settled.rows, 0, 3, rows.cols()) = rows;
   settled.rows += 3;
-  largest_ = std::max(largest_, settled.rows);
 }
 
 /// The last one takes its place.
@@ -253,9 +255,15 @@ std::vector<InactiveLandmark> InactiveMap::marginaliseOldest(std::size_t count, 
   order.resize(std::min(order.size(), count));
   std::vector<InactiveLandmark> gone;
   for (const std::size_t i : order) gone.push_back(all[i]);
+  auto stretch = stretches_.begin();
   for (std::size_t i = settled_before; i < all.size() && gone.size() < count; ++i) {
     gone.push_back(all[i]);
-    departures_.pop_front();
+    while (stretch != stretches_.end() && stretch->left() == 0) ++stretch;
+    if (stretch != stretches_.end()) {
+      ++stretch->gone;
+    } else {
+      departures_.pop_front();
+    }
   }
   // From behind, so that the one that takes a place is never one that is still to go.
   std::sort(order.rbegin(), order.rend());
@@ -267,37 +275,57 @@ std::vector<InactiveLandmark> InactiveMap::marginaliseOldest(std::size_t count, 
 
 std::vector<InactiveLandmark> InactiveMap::estimates(Eigen::Index size, Covariances covariances) const {
   const bool exact = covariances == Covariances::kExact;
-  std::vector<InactiveLandmark> result(this->size());
-  BackwardSweep sweep(size, std::max({largest_, size, settled_->rows}), exact);
-  std::size_t next = result.size();
-  const auto at_departure = [&](const Departure& departure, const Removal& removal) {
-    InactiveLandmark& estimate = result[--next];
-    estimate = departure.inactive;
-    const Columns3& c = departure.cross;
-    estimate.landmark.position += c.transpose() * sweep.correction();
-    if (exact) estimate.covariance -= c.transpose() * sweep.information() * c;
-    sweep.back(DeferredStep(removal));
-  };
-  goBack(sweep, open_, at_departure);
-  for (auto chunk = journal_.rbegin(); chunk != journal_.rend(); ++chunk)
-    goBack(sweep, **chunk, at_departure);
-  for (std::size_t i = 0; i < settled_->landmarks.size(); ++i) {
-    const Eigen::Index row = rowsOf(i);
-    result[i] = {settled_->landmarks[i], settled_->covariance.block<3, 3>(row, row)};
-    const Columns3 c = settled_->cross.block(0, row, settled_->rows, 3);
-    result[i].landmark.position += c.transpose() * sweep.correction();
-    if (exact) result[i].covariance -= c.transpose() * sweep.information() * c;
+  if (exact && !(open_.steps.empty() && journal_.empty())) {
+    InactiveMap whole = *this;
+    if (!open_.steps.empty()) whole.closeChunk();
+    while (!whole.journal_.empty()) whole.compose();
+    return whole.estimates(size, covariances);
   }
+  std::vector<InactiveLandmark> result(this->size());
+  std::size_t next = result.size();
+  CorrectionSweep sweep(size);
+  const auto goBack = [&](const Chunk& chunk) {
+    for (auto step = chunk.steps.rbegin(); step != chunk.steps.rend(); ++step) {
+      const auto* removal = std::get_if<Removal>(&*step);
+      if (const Departure* departure = removal ? departureOf(*removal) : nullptr) {
+        result[--next] = departure->inactive;
+        result[next].landmark.position += departure->cross.transpose() * sweep.correction();
+      }
+      sweep.back(*step);
+    }
+  };
+  goBack(open_);
+  for (auto chunk = journal_.rbegin(); chunk != journal_.rend(); ++chunk) goBack(**chunk);
+
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(exact ? size : 0, exact ? size : 0);
+  const auto estimate = [&](const Landmark& landmark, const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& cross,
+                            Eigen::Index rows, std::size_t i) {
+    const Eigen::Index row = rowsOf(i);
+    InactiveLandmark l{landmark, covariance.block<3, 3>(row, row)};
+    const Columns3 c = cross.block(0, row, rows, 3);
+    l.landmark.position += c.transpose() * sweep.correction();
+    if (exact) l.covariance -= c.transpose() * information * c;
+    return l;
+  };
+  for (auto composed = stretches_.rbegin(); composed != stretches_.rend(); ++composed) {
+    const Stretch& stretch = *composed->stretch;
+    for (std::size_t i = stretch.landmarks.size(); i-- > composed->gone;)
+      result[--next] = estimate(stretch.landmarks[i], stretch.covariance, stretch.cross, stretch.cross.rows(), i);
+    sweep.back(stretch.F, stretch.learned);
+    if (exact) information = (stretch.F.transpose() * information * stretch.F).eval() + stretch.information;
+  }
+  for (std::size_t i = settled_->landmarks.size(); i-- > 0;)
+    result[i] = estimate(settled_->landmarks[i], settled_->covariance, settled_->cross, settled_->rows, i);
   return result;
 }
 
 double InactiveMap::settlingCost(Eigen::Index size) const {
   const auto n = static_cast<double>(size);
   const double settled = 3.0 * static_cast<double>(settled_->landmarks.size());
-  const double left = 3.0 * static_cast<double>(departures_.size());
-  const auto groups = static_cast<double>(journal_.size()) / kChunksAtOnce;
+  const double left = 3.0 * static_cast<double>(ids_.size()) - settled;
+  const auto stretches = static_cast<double>(stretches_.size() + journal_.size() / kChunksAtOnce);
   return journal_cost_ + n * settled * settled + 2.0 * n * (n + settled) * (settled + left) +
-         n * left * (n * groups + left);
+         n * left * (n * stretches + left);
 }
 
 std::size_t InactiveMap::bytes() const {
@@ -305,6 +333,10 @@ std::size_t InactiveMap::bytes() const {
     return static_cast<std::size_t>(m.size()) * sizeof(double);
   };
   std::size_t total = journal_bytes_ + matrix(settled_->covariance) + matrix(settled_->cross);
+  for (const Composed& composed : stretches_) {
+    const Stretch& s = *composed.stretch;
+    total += matrix(s.F) + matrix(s.information) + matrix(s.covariance) + matrix(s.cross) + matrix(s.origin);
+  }
   for (const auto& departure : departures_)
     total += sizeof(Departure) + static_cast<std::size_t>(departure->cross.size()) * sizeof(double);
   return total;

@@ -50,31 +50,20 @@ using DeferredStep = std::variant<Propagation, KalmanUpdate, Transport, Birth, R
 /// How much memory the step holds.
 std::size_t bytesOf(const DeferredStep& step);
 
-/// Linear functionals of x at one time, and what is learned after that time about errors x was correlated with, swept
-/// backward step by step. For an error d with cross-covariance c = cov(x, d) at that time, later updates make
-///
-///   cov(rows . x_end, d) = rows c,   var(d) -= c^T information c,   mean(d) += c^T correction,
-///
-/// the compressed filter (Guivant and Nebot, "Optimization of the simultaneous localization and map-building
-/// algorithm for real-time implementation", 2001) in the form of the modified Bryson-Frazier smoother (Bierman,
-/// "Fixed interval smoothing with discrete measurements", 1973).
-class BackwardSweep {
+/// What is learned by a stretch of time about errors d that do not change during it, swept backward step by step: with the
+/// cross-covariance c = cov(x, d) at the time reached, mean(d) += c^T correction by its end (the modified Bryson-Frazier
+/// smoother; Bierman, "Fixed interval smoothing with discrete measurements", 1973).
+class CorrectionSweep {
  public:
-
-  /// Begins at the end of time with x of `size`, with room for `capacity` >= every size on the way.
-  BackwardSweep(Eigen::Index size, Eigen::Index capacity, bool with_information);
-
-  /// x_end itself as the first functionals.
-  void startRows();
-  void appendRows(const Eigen::MatrixXd& rows);
+  /// Begins at the end, with x of `size`.
+  explicit CorrectionSweep(Eigen::Index size) : correction_(Eigen::VectorXd::Zero(size)) {}
 
   /// To the time before `step`.
   void back(const DeferredStep& step);
+  /// To the beginning of a stretch that takes x to F x (and noise), and has taught `learned` (see ForwardSweep).
+  void back(const Eigen::MatrixXd& F, const Eigen::VectorXd& learned);
 
-  Eigen::Index size() const { return size_; }
-  auto rows() const { return rows_.topLeftCorner(row_count_, size_); }
-  auto information() const { return information_.topLeftCorner(size_, size_); }
-  auto correction() const { return correction_.head(size_); }
+  const Eigen::VectorXd& correction() const { return correction_; }
 
  private:
   void back(const Propagation& step);
@@ -83,15 +72,46 @@ class BackwardSweep {
   void back(const Birth& step);
   void back(const Removal& step);
   void back(const Oblivion& step);
-  auto activeRows() { return rows_.topLeftCorner(row_count_, size_); }
-  auto activeInformation() { return information_.topLeftCorner(size_, size_); }
 
-  Eigen::Index size_;
-  bool with_information_;
-  Eigen::Index row_count_ = 0;
-  Eigen::MatrixXd rows_;        // at least row_count_ x capacity
-  Eigen::MatrixXd information_; // capacity x capacity
-  Eigen::VectorXd correction_;  // capacity
+  Eigen::VectorXd correction_;
+};
+
+/// Takes cross-covariances with x forward step by step, those of any errors y that do not change: X = cov(y, x), and
+/// what is learned about y by the way,
+///
+///   cov(y, y) -= gram,   mean(y) += learned,
+///
+/// the auxiliary matrices of the compressed filter (Guivant and Nebot, "Optimization of the simultaneous localization and
+/// map-building algorithm for real-time implementation", 2001). Rows of the identity stand for any errors d at all whose
+/// covariance with x is not yet known: with c = cov(x, d) at the beginning, their X is c^T times those rows.
+class ForwardSweep {
+ public:
+  /// Begins with X the identity of `size`; with room for `rows` more rows and `columns` >= every size on the way.
+  ForwardSweep(Eigen::Index size, Eigen::Index rows, Eigen::Index columns);
+
+  /// To the time after `step`.
+  void forward(const DeferredStep& step);
+  /// Three errors y more, of covariance `cross` (3 x size()) with x.
+  void append(const Eigen::Matrix<double, 3, Eigen::Dynamic>& cross);
+
+  Eigen::Index size() const { return columns_; }
+  auto X() const { return X_.topLeftCorner(rows_, columns_); }
+  /// Of rows that begin at different times: since the later one did. Of it only the lower triangle is valid.
+  auto gram() const { return gram_.topLeftCorner(rows_, rows_); }
+  auto learned() const { return learned_.head(rows_); }
+
+ private:
+  void forward(const Propagation& step);
+  void forward(const KalmanUpdate& step);
+  void forward(const Transport& step);
+  void forward(const Birth& step);
+  void forward(const Removal& step);
+  void forward(const Oblivion& step);
+  auto active() { return X_.topLeftCorner(rows_, columns_); }
+
+  Eigen::Index rows_, columns_;
+  Eigen::MatrixXd X_, gram_;
+  Eigen::VectorXd learned_;
 };
 
 } // namespace vi_ekf_slam::invariant

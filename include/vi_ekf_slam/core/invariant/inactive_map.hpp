@@ -21,12 +21,12 @@ struct InactiveLandmark {
 /// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and at no
 /// cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what the active
 /// state's updates do to them is linear in their covariance with it, so it can wait: the steps are kept in a journal,
-/// which copies share, and are settled together when a landmark is wanted back.
+/// which copies share, composed into one where they would fill the memory, and settled when a landmark is wanted back.
 class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
-  std::size_t size() const { return settled_->landmarks.size() + departures_.size(); }
+  std::size_t size() const { return ids_.size(); }
   bool contains(FeatureId id) const { return ids_.count(id) != 0; }
   /// How many landmarks have left the active state since this one did. Throws std::out_of_range where `id` is not held.
   std::uint64_t departuresSince(FeatureId id) const { return last_serial_ - ids_.at(id); }
@@ -75,15 +75,33 @@ class InactiveMap {
   std::size_t bytes() const;
 
  private:
-  /// A landmark that left since the map was last settled.
+  /// A landmark that left since the journal was last composed.
   struct Departure {
     InactiveLandmark inactive;
     Columns3 cross;
     std::uint64_t serial;
   };
   struct Chunk {
+    Eigen::Index size = 0; ///< of the active errors at its beginning
     std::vector<DeferredStep> steps;
     std::uint64_t last_serial = 0; ///< of the departures until its end
+  };
+  /// What the steps of some chunks come to, for the landmarks that left before them and for those that left by the way,
+  /// the first one first.
+  struct Stretch {
+    Eigen::MatrixXd F;           ///< the active errors x at its end are F times those at its beginning, and noise
+    Eigen::MatrixXd information; ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
+    Eigen::VectorXd learned;     ///< mean(d) += c^T learned
+    std::vector<Landmark> landmarks; ///< that left, as they are at its end
+    std::vector<std::uint64_t> serials;
+    Eigen::MatrixXd covariance; ///< of their d at its end
+    Eigen::MatrixXd cross;      ///< of x at its end with their d
+    Eigen::MatrixXd origin;     ///< covariance of their d with earlier ones, in terms of x at its beginning
+  };
+  struct Composed {
+    std::shared_ptr<const Stretch> stretch;
+    std::size_t gone = 0; ///< of its landmarks, marginalised since
+    std::size_t left() const { return stretch->landmarks.size() - gone; }
   };
   struct Settled {
     std::vector<Landmark> landmarks;
@@ -98,19 +116,19 @@ class InactiveMap {
   const Departure* departureOf(const Removal& removal) const;
   void closeChunk();
   void forgetSteps();
-  template <class AtDeparture>
-  void goBack(BackwardSweep& sweep, const Chunk& chunk, AtDeparture&& at_departure) const;
+  void forgetChunk();
+  void compose();
   void eraseSettled(std::size_t index);
 
   std::shared_ptr<Settled> settled_ = std::make_shared<Settled>(); // copied before a change while it is shared
-  std::deque<std::shared_ptr<const Departure>> departures_;        // serials are consecutive
-  std::deque<std::shared_ptr<const Chunk>> journal_;
+  std::deque<Composed> stretches_;                                 // first
+  std::deque<std::shared_ptr<const Chunk>> journal_;               // after them
+  std::deque<std::shared_ptr<const Departure>> departures_;        // in the journal; serials are consecutive
   Chunk open_;
   std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
-  Eigen::Index largest_ = 0; // size of the active state since the journal begins
   std::size_t journal_bytes_ = 0;
-  double journal_cost_ = 0.0; // of a sweep through it, operations
+  double journal_cost_ = 0.0; // of composing it, operations
 };
 
 } // namespace vi_ekf_slam::invariant

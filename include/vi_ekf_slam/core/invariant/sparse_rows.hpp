@@ -18,12 +18,14 @@ class SparseRows {
   Eigen::Index rows() const { return rows_; }
   std::size_t bytes() const { return blocks_.size() * sizeof(Block); }
 
-  /// result -= X H, for X (m x rows()).
-  template <class Result>
-  void subtractFrom(Result&& result, const Eigen::MatrixXd& X) const {
+  /// X H^T (m x rows()), for X (m x n).
+  template <class Other>
+  Eigen::MatrixXd timesTransposed(const Eigen::MatrixBase<Other>& X) const {
+    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(X.rows(), rows_);
     for (const Block& b : blocks_) {
-      result.template middleCols<3>(b.column).noalias() -= X.middleCols<3>(b.row) * b.value;
+      result.middleCols<3>(b.row).noalias() += X.template middleCols<3>(b.column) * b.value.transpose();
     }
+    return result;
   }
 
   /// result += H^T X, for X (rows() x m).
