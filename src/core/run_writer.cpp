@@ -94,6 +94,16 @@ std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCo
   return text.str();
 }
 
+std::string divergences(const SystemCounts& counts) {
+  const auto& c = counts.divergences;
+  std::string text =
+      "divergences: {total: " + std::to_string(std::accumulate(c.begin(), c.end(), std::uint64_t{0}));
+  for (std::size_t i = 1; i < c.size(); ++i) {
+    text += std::string(", ") + kDivergenceNames[i] + ": " + std::to_string(c[i]);
+  }
+  return text + "}\n";
+}
+
 } // namespace
 
 std::string stampText(Stamp stamp) {
@@ -192,7 +202,9 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
-       << "\nresets: " << c.resets << "\ngaps: " << c.gaps << "\n"
+       << format("\nblind_s: %.3f", c.blind_s)
+       << "\nblind_periods: " << c.blind_periods << "\n"
+       << divergences(c) << "resets: " << c.resets << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)
        << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
        << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";

@@ -42,7 +42,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.hasParam("autosave_period") &&
       (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
        period < 0.0 || period > 1e6)) {
-    throw ConfigError(settings.source + ": autosave_period must be a number of seconds from 0 (never) to 1e6");
+    throw ConfigError(settings.source +
+                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
   }
   settings.output_dir = absolutePath(settings.output_dir);
   if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
@@ -119,14 +120,11 @@ void SlamNode::subscribe() {
   using sensor_msgs::CameraInfo;
   using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listen<TFMessage>(
-      "/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
+  listen<TFMessage>("/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
   listen<TFMessage>(
       "/tf", [this](const TFMessage& m) { intake_.addTransforms(m, false); }, {}, &transforms_wanted_);
-  listen<CameraInfo>(
-      names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
-  listen<CameraInfo>(
-      names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
+  listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
+  listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
   listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
   listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
@@ -189,6 +187,12 @@ bool SlamNode::runInWorker(const std::function<void()>& task) {
 }
 
 void SlamNode::handleOutput(const Output& output, bool is_frame) {
+  if (is_frame && output.report.divergence != Divergence::kNone) {
+    ROS_ERROR_STREAM(
+        "the estimate has diverged ("
+        << kDivergenceNames[static_cast<std::size_t>(output.report.divergence)]
+        << "); it goes on from where it was, without its landmarks and with a larger covariance");
+  }
   if (is_frame) {
     sequencer_.addFrame(output);
   } else {
@@ -247,14 +251,15 @@ void SlamNode::warn() {
 void SlamNode::autosave() {
   if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
   last_autosave_ = WorkQueue::Clock::now();
-  autosave_ = std::async(std::launch::async, [writer = writer_, directory = settings_.output_dir,
-                                              summary = summary(), landmarks = system_.estimator().landmarks()] {
-    try {
-      save(writer, directory, summary, landmarks);
-    } catch (const std::exception& e) {
-      ROS_ERROR_STREAM("not saved: " << e.what());
-    }
-  });
+  autosave_ =
+      std::async(std::launch::async, [writer = writer_, directory = settings_.output_dir, summary = summary(),
+                                      landmarks = system_.estimator().landmarks()] {
+        try {
+          save(writer, directory, summary, landmarks);
+        } catch (const std::exception& e) {
+          ROS_ERROR_STREAM("not saved: " << e.what());
+        }
+      });
 }
 
 void SlamNode::stopWork() {
