@@ -121,6 +121,11 @@ void SlamSystem::flush() {
   while (auto measurement = buffer_.popRegardless()) process(*measurement);
 }
 
+void SlamSystem::setGates(const Gates& gates) {
+  vi_ekf_slam::setGates(config_.invariant, gates);
+  estimator_->setGates(gates);
+}
+
 void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();

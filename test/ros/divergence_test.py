@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
-"""An estimate that diverges: recovered from, reported and counted."""
+"""The node with the default configuration: an estimate that diverges, and tuning while it runs."""
 
 import math
 import sys
 
+import dynamic_reconfigure.client
+import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Path
 
 import drive_data
 from drive_player import LENGTH, DrivePlayer
@@ -14,7 +17,7 @@ BACK = 12.0  # m; default.yaml calls a displacement of 10 m, beside the way of t
 
 
 class Divergence(DrivePlayer):
-    """The node with the default configuration."""
+    """What takes the default estimator."""
 
     def test_a_displaced_car(self):
         """Back at once: followed, counted, and an error once."""
@@ -31,6 +34,32 @@ class Divergence(DrivePlayer):
         self.assertLess(distance, 1.0)
         levels = [s.level for r in self.reports[known:] for s in r.status if s.name == "slam: divergence"]
         self.assertEqual(1, levels.count(DiagnosticStatus.ERROR), levels)
+
+    def test_gates_and_rates_change_while_it_runs(self):
+        """By dynamic_reconfigure: with a gate that nothing passes frames are rejected, as long as it is there."""
+        paths = []
+        subscriber = rospy.Subscriber("path", Path, paths.append, queue_size=100)
+        tuning = dynamic_reconfigure.client.Client("slam/tuning", timeout=10.0)
+        configured = tuning.get_configuration(timeout=10.0)
+        self.assertEqual((5.0, 0.5), (configured["frame_gate"], configured["path_period_s"]))
+        self.addCleanup(tuning.update_configuration, {"frame_gate": 5.0, "path_period_s": 0.5})
+
+        changed = tuning.update_configuration({"frame_gate": 1e-6, "path_period_s": 1000.0})
+        self.assertEqual((1e-6, 1000.0), (changed["frame_gate"], changed["path_period_s"]))
+        self.assertEqual(1e-6, tuning.update_configuration({"frame_gate": float("nan")})["frame_gate"])
+        before = int(self.before["frames rejected"])
+        self.play(self.drive())
+        self.assertTrue(self.answered(self.start + LENGTH))
+        closed = int(self.counts()["frames rejected"]) - before
+        self.assertGreater(closed, 15)
+        seldom = len(paths)
+
+        tuning.update_configuration({"frame_gate": 5.0, "path_period_s": 0.1})
+        self.play(self.drive(start=self.start + 100.0))
+        self.assertTrue(self.answered(self.start + 100.0 + LENGTH))
+        self.assertEqual(closed, int(self.counts()["frames rejected"]) - before)
+        self.assertGreater(len(paths) - seldom, seldom + 5)
+        subscriber.unregister()
 
 
 if __name__ == "__main__":

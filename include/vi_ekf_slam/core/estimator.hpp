@@ -54,6 +54,11 @@ struct FrameReport {
   Divergence divergence = Divergence::kNone;
 };
 
+/// Limits of what is used of a frame, see InvariantConfig.
+struct Gates {
+  double gate, frame_gate, plausible_gate, motion_gate;
+};
+
 /// A causal estimator of pose and map. Measurements come in the order of their stamps (see
 /// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at the identity pose.
 class Estimator {
@@ -68,6 +73,9 @@ class Estimator {
   virtual void process(const VelocitySample& sample) = 0;
   virtual FrameReport process(const StereoFrame& frame) = 0;
 
+  /// From now on; an estimator without such gates has nothing to change.
+  virtual void setGates(const Gates& /*gates*/) {}
+
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 
@@ -78,6 +86,10 @@ class Estimator {
 };
 
 struct Config;
+struct InvariantConfig;
+
+Gates gatesOf(const InvariantConfig& config);
+void setGates(InvariantConfig& config, const Gates& gates);
 
 /// The estimator that `config.estimator` asks for.
 std::unique_ptr<Estimator> makeEstimator(const Config& config);

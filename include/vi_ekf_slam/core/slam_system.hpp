@@ -83,6 +83,9 @@ class SlamSystem {
   /// Processes all that is still held: the data are over.
   void flush();
 
+  /// From now on, also after a reset.
+  void setGates(const Gates& gates);
+
   /// Forgets state and map, keeps calibration and counts.
   void reset(const std::string& reason);
 

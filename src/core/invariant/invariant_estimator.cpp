@@ -43,6 +43,8 @@ void InvariantEstimator::setRig(const StereoRig& rig) {
   baseline_ = rig.camera.baseline;
 }
 
+void InvariantEstimator::setGates(const Gates& gates) { vi_ekf_slam::setGates(config_, gates); }
+
 void InvariantEstimator::advanceTo(Stamp stamp) {
   if (stamp_ && stamp > *stamp_) {
     ProcessNoise noise{config_.twist_density, config_.bias_density};

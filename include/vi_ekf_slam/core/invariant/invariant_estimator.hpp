@@ -29,6 +29,7 @@ class InvariantEstimator : public Estimator {
   void process(const GyroSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
+  void setGates(const Gates& gates) override;
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
   std::vector<LandmarkEstimate> exactLandmarks() const override;
