@@ -69,6 +69,10 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
   section.read("scale_significance", Range::positive(), invariant.scale_significance);
+  section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.divergence.window_s);
+  section.read("divergence_nis", Range::positive(), invariant.divergence.nis);
+  section.read("divergence_share", Range::halfOpen(0.0, 1.0), invariant.divergence.refused_share);
+  section.read("divergence_jump_m", Range::closed(0.0, 1e6), invariant.divergence_jump_m);
   checkDepths(section, invariant.min_depth_m, invariant.max_depth_m);
   section.finish();
 }

@@ -1,14 +1,13 @@
 #include "vi_ekf_slam/core/run_writer.hpp"
 
 #include <Eigen/Geometry>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <numeric>
 #include <sstream>
 #include <stdexcept>
+
+#include "vi_ekf_slam/core/atomic_file.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -25,21 +24,19 @@ std::string format(const char* pattern, Args... args) {
   return text;
 }
 
-/// Writes under a temporary name, then renames: nobody ever reads half a file.
-void writeFile(const std::string& directory, const std::string& name, const std::string& content) {
-  const std::string path = (fs::path(directory) / name).string();
-  const std::string temporary = path + ".tmp";
-  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
-  file << content;
-  file.close();
-  if (!file) {
-    const std::string cause = std::strerror(errno);
-    std::remove(temporary.c_str());
-    throw std::runtime_error(path + ": cannot be written: " + cause);
-  }
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) {
-    throw std::runtime_error(path + ": cannot be renamed into place: " + std::strerror(errno));
-  }
+std::string pathIn(const std::string& directory, const char* name) {
+  return (fs::path(directory) / name).string();
+}
+
+std::array<double, 12> toNumbers(const SE3& pose) {
+  std::array<double, 12> numbers{};
+  Eigen::Map<Eigen::Matrix<double, 3, 4>>(numbers.data()) << pose.rotation(), pose.translation();
+  return numbers;
+}
+
+SE3 toPose(const std::array<double, 12>& numbers) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4>> matrix(numbers.data());
+  return {matrix.leftCols<3>(), matrix.col(3)};
 }
 
 std::string tumLine(Stamp stamp, const SE3& pose) {
@@ -94,6 +91,16 @@ std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCo
   return text.str();
 }
 
+std::string divergences(const SystemCounts& counts) {
+  const auto& c = counts.divergences;
+  std::string text =
+      "divergences: {total: " + std::to_string(std::accumulate(c.begin(), c.end(), std::uint64_t{0}));
+  for (std::size_t i = 1; i < c.size(); ++i) {
+    text += std::string(", ") + kDivergenceNames[i] + ": " + std::to_string(c[i]);
+  }
+  return text + "}\n";
+}
+
 } // namespace
 
 std::string stampText(Stamp stamp) {
@@ -116,47 +123,54 @@ void RunWriter::makeDirectory(const std::string& directory) {
   }
 }
 
-RunWriter::Record RunWriter::toRecord(const Output& o) {
-  return {o.state.stamp, o.state.world_T_imu, o.odom_T_imu, o.state.pose_covariance, o.report, o.update_s};
+RunRecord RunWriter::toRecord(const Output& o) {
+  RunRecord record;
+  record.stamp = o.state.stamp;
+  record.world_T_imu = toNumbers(o.state.world_T_imu);
+  record.odom_T_imu = toNumbers(o.odom_T_imu);
+  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
+  record.report = o.report;
+  record.update_s = o.update_s;
+  return record;
 }
 
 void RunWriter::addFrame(const Output& output) {
   Run& run = runs_.back();
-  if (!run.has_frames) run.records.clear();
+  if (!run.has_frames) run.records = RunRecords(spool_);
   run.has_frames = true;
-  run.records.push_back(toRecord(output));
+  run.records.add(toRecord(output));
 }
 
 void RunWriter::addGyro(const Output& output) {
   Run& run = runs_.back();
-  if (!run.has_frames) run.records.push_back(toRecord(output));
+  if (!run.has_frames) run.records.add(toRecord(output));
 }
 
 void RunWriter::restart() {
-  if (!empty()) runs_.emplace_back();
+  if (empty()) return;
+  runs_.back().records.close();
+  runs_.push_back({RunRecords(spool_)});
 }
 
-double RunWriter::sensorSeconds() const {
-  if (empty()) return 0.0;
-  return secondsBetween(runs_.back().records.front().stamp, runs_.back().records.back().stamp);
-}
+double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
 
 void RunWriter::writeRun(const std::string& directory, const Run& run) {
   makeDirectory(directory);
-  std::string trajectory, dead_reckoning, covariance = covarianceHeader();
-  std::string frames =
-      "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_"
-      "ms\n";
-  for (const Record& r : run.records) {
-    trajectory += tumLine(r.stamp, r.world_T_imu);
-    dead_reckoning += tumLine(r.stamp, r.odom_T_imu);
-    covariance += stampText(r.stamp) + upperTriangle(r.pose_covariance) + "\n";
-    if (run.has_frames) frames += frameLine(r.report, r.update_s);
-  }
-  writeFile(directory, "trajectory.tum", trajectory);
-  writeFile(directory, "dead_reckoning.tum", dead_reckoning);
-  writeFile(directory, "covariance.csv", covariance);
-  writeFile(directory, "frames.csv", frames);
+  AtomicFile trajectory(pathIn(directory, "trajectory.tum"));
+  AtomicFile dead_reckoning(pathIn(directory, "dead_reckoning.tum"));
+  AtomicFile covariance(pathIn(directory, "covariance.csv"));
+  AtomicFile frames(pathIn(directory, "frames.csv"));
+  covariance << covarianceHeader();
+  frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
+            "update_ms\n";
+  run.records.forEach([&](const RunRecord& r) {
+    trajectory << tumLine(r.stamp, toPose(r.world_T_imu));
+    dead_reckoning << tumLine(r.stamp, toPose(r.odom_T_imu));
+    const Eigen::Map<const Matrix6d> P(r.pose_covariance.data());
+    covariance << stampText(r.stamp) + upperTriangle(P) + "\n";
+    if (run.has_frames) frames << frameLine(r.report, r.update_s);
+  });
+  for (AtomicFile* file : {&trajectory, &dead_reckoning, &covariance, &frames}) file->commit();
 }
 
 void RunWriter::writeTrajectory(const std::string& directory) const {
@@ -174,7 +188,9 @@ void RunWriter::writeMap(const std::string& directory, const std::vector<Landmar
     text += format("%llu,%.9f,%.9f,%.9f", static_cast<unsigned long long>(landmark.id), p.x(), p.y(), p.z()) +
             upperTriangle(landmark.covariance) + "\n";
   }
-  writeFile(directory, "landmarks.csv", text);
+  AtomicFile file(pathIn(directory, "landmarks.csv"));
+  file << text;
+  file.commit();
 }
 
 void RunWriter::writeSummary(const std::string& directory, const RunSummary& summary,
@@ -192,7 +208,9 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
-       << "\nresets: " << c.resets << "\ngaps: " << c.gaps << "\n"
+       << format("\nblind_s: %.3f", c.blind_s)
+       << "\nblind_periods: " << c.blind_periods << "\n"
+       << divergences(c) << "resets: " << c.resets << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)
        << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
        << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";
@@ -202,7 +220,9 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
     separator = ", ";
   }
   text << "}\n";
-  writeFile(directory, "summary.yaml", text.str());
+  AtomicFile file(pathIn(directory, "summary.yaml"));
+  file << text.str();
+  file.commit();
 }
 
 } // namespace vi_ekf_slam

@@ -121,6 +121,11 @@ void SlamSystem::flush() {
   while (auto measurement = buffer_.popRegardless()) process(*measurement);
 }
 
+void SlamSystem::setGates(const Gates& gates) {
+  vi_ekf_slam::setGates(config_.invariant, gates);
+  estimator_->setGates(gates);
+}
+
 void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();
@@ -129,12 +134,16 @@ void SlamSystem::reset(const std::string& reason) {
   if (rig_) estimator_->setRig(*rig_);
   dead_reckoning_ = DeadReckoning();
   first_stamp_.reset();
+  blindness_.restart();
   ++counts_.resets;
   if (on_reset_) on_reset_(reason);
 }
 
 void SlamSystem::process(const Measurement& measurement) {
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
+  if (needsRig()) blindness_.advanceTo(stampOf(measurement));
+  counts_.blind_s = blindness_.total();
+  counts_.blind_periods = blindness_.periods();
   if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
     estimator_->process(*gyro);
     dead_reckoning_.process(*gyro);
@@ -149,15 +158,22 @@ void SlamSystem::process(const Measurement& measurement) {
     const FrameReport report = estimator_->process(frame);
     const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
     dead_reckoning_.advanceTo(frame.stamp);
-    counts_.features += report.features;
-    counts_.features_invalid += report.invalid;
-    counts_.features_used += report.used;
-    counts_.features_rejected += report.rejected;
-    counts_.frames_rejected += report.frame_rejected ? 1 : 0;
-    counts_.landmarks_revisited += report.revisited;
-    counts_.places_recognised += report.place_recognised ? 1 : 0;
+    count(report);
     if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
   }
+}
+
+void SlamSystem::count(const FrameReport& report) {
+  counts_.features += report.features;
+  counts_.features_invalid += report.invalid;
+  counts_.features_used += report.used;
+  counts_.features_rejected += report.rejected;
+  counts_.frames_rejected += report.frame_rejected ? 1 : 0;
+  counts_.landmarks_revisited += report.revisited;
+  counts_.places_recognised += report.place_recognised ? 1 : 0;
+  if (report.divergence != Divergence::kNone)
+    ++counts_.divergences[static_cast<std::size_t>(report.divergence)];
+  if (report.used > 0) blindness_.noteUse();
 }
 
 } // namespace vi_ekf_slam

@@ -42,6 +42,7 @@ Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const S
   updater_.add("inputs", this, &Diagnostics::inputs);
   updater_.add("calibration", this, &Diagnostics::calibration);
   updater_.add("estimator", this, &Diagnostics::estimator);
+  updater_.add("divergence", this, &Diagnostics::divergence);
   updater_.add("load", this, &Diagnostics::load);
   updater_.add("dropped", this, &Diagnostics::drops);
 }
@@ -107,6 +108,28 @@ void Diagnostics::estimator(Status& status) {
   if (r.frame_rejected) status.summary(DiagnosticStatus::WARN, "the last frame was rejected as a whole");
 }
 
+/// An estimate that has just begun anew is an error; one that does so at each report keeps being one.
+void Diagnostics::divergence(Status& status) {
+  status.summary(DiagnosticStatus::OK, "believed");
+  const Blindness& blindness = system_.blindness();
+  status.addf("without a correction by features (s of sensor time)", "%.1f", blindness.current());
+  if (blindness.isBlind()) {
+    status.summary(DiagnosticStatus::WARN,
+                   "blind: no feature corrects the estimate, which is dead reckoning");
+  }
+  const auto& counts = system_.counts().divergences;
+  std::string reasons;
+  for (std::size_t i = 1; i < kDivergenceCount; ++i) {
+    status.add(std::string("diverged: ") + kDivergenceNames[i], counts[i]);
+    if (counts[i] > reported_divergences_[i])
+      reasons += std::string(reasons.empty() ? "" : ", ") + kDivergenceNames[i];
+  }
+  reported_divergences_ = counts;
+  if (!reasons.empty()) {
+    status.summary(DiagnosticStatus::ERROR, "diverged and begun anew from where it was: " + reasons);
+  }
+}
+
 std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
   auto all = intake_.turnedAway();
   const auto note = [&all](const std::string& reason, std::uint64_t count) {
@@ -165,6 +188,7 @@ void Diagnostics::drops(Status& status) {
   status.add("frames rejected", c.frames_rejected);
   status.add("landmarks revisited", c.landmarks_revisited);
   status.add("places recognised", c.places_recognised);
+  status.addf("blind, in all (s of sensor time)", "%.1f", c.blind_s);
   status.add("gaps", c.gaps);
   status.add("resets", c.resets);
   if (drops > reported_drops_) {

@@ -96,6 +96,13 @@ void Publishers::serveNewListeners() {
   if (listener_came_.exchange(false)) publishAll();
 }
 
+void Publishers::setRates(double path_period_s, double landmark_period_s, double max_bandwidth_bytes_s) {
+  for (PathOutput* path : {&path_, &dead_reckoning_path_}) {
+    path->pacer.setRate(path_period_s, max_bandwidth_bytes_s);
+  }
+  map_pacer_.setRate(landmark_period_s, max_bandwidth_bytes_s);
+}
+
 void Publishers::reset() {
   markers_shown_ = 0;
   map_pacer_.restart();

@@ -11,6 +11,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
+constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
@@ -31,8 +32,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   std::string yaml;
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
-    // diagnostic_period is diagnostic_updater's.
-    yaml = toYaml(tree, {"output_dir", "autosave_period", "diagnostic_period"});
+    // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
+    yaml = toYaml(tree, {"output_dir", "autosave_period", "diagnostic_period", "tuning"});
   }
   settings.config = parseFullConfig(yaml, settings.source);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
@@ -42,7 +43,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.hasParam("autosave_period") &&
       (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
        period < 0.0 || period > 1e6)) {
-    throw ConfigError(settings.source + ": autosave_period must be a number of seconds from 0 (never) to 1e6");
+    throw ConfigError(settings.source +
+                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
   }
   settings.output_dir = absolutePath(settings.output_dir);
   if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
@@ -119,14 +121,11 @@ void SlamNode::subscribe() {
   using sensor_msgs::CameraInfo;
   using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listen<TFMessage>(
-      "/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
+  listen<TFMessage>("/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
   listen<TFMessage>(
       "/tf", [this](const TFMessage& m) { intake_.addTransforms(m, false); }, {}, &transforms_wanted_);
-  listen<CameraInfo>(
-      names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
-  listen<CameraInfo>(
-      names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
+  listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
+  listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
   listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
   listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
@@ -138,6 +137,7 @@ void SlamNode::advertiseServices() {
   services_ = {nh.advertiseService("reset", &SlamNode::serveReset, this),
                nh.advertiseService("save_trajectory", &SlamNode::serveSaveTrajectory, this),
                nh.advertiseService("save_map", &SlamNode::serveSaveMap, this)};
+  tuning_ = std::make_unique<Tuning>(nh, settings_.config, [this](const TuningConfig& t) { return tune(t); });
   service_spinner_.start();
 }
 
@@ -188,7 +188,20 @@ bool SlamNode::runInWorker(const std::function<void()>& task) {
   return true;
 }
 
+bool SlamNode::tune(const TuningConfig& tuning) {
+  return runInWorker([&] {
+    publishers_.setRates(tuning.path_period_s, tuning.landmark_period_s, tuning.max_bandwidth_bytes_s);
+    system_.setGates(gatesOf(tuning));
+  });
+}
+
 void SlamNode::handleOutput(const Output& output, bool is_frame) {
+  if (is_frame && output.report.divergence != Divergence::kNone) {
+    ROS_ERROR_STREAM(
+        "the estimate has diverged ("
+        << kDivergenceNames[static_cast<std::size_t>(output.report.divergence)]
+        << "); it goes on from where it was, without its landmarks and with a larger covariance");
+  }
   if (is_frame) {
     sequencer_.addFrame(output);
   } else {
@@ -217,7 +230,9 @@ void SlamNode::checkHealth() {
   diagnostics_.publish();
   if (secondsSince(last_warning_) >= kWarningPeriod) warn();
   const double period = settings_.autosave_period_s;
-  if (!settings_.output_dir.empty() && period > 0.0 && secondsSince(last_autosave_) >= period) autosave();
+  // After a day the files are large: saving takes a tenth of the time at most.
+  const double due = std::max(period, kAutosaveCost * autosave_cost_s_);
+  if (!settings_.output_dir.empty() && period > 0.0 && secondsSince(last_autosave_) >= due) autosave();
 }
 
 void SlamNode::warn() {
@@ -247,13 +262,15 @@ void SlamNode::warn() {
 void SlamNode::autosave() {
   if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
   last_autosave_ = WorkQueue::Clock::now();
-  autosave_ = std::async(std::launch::async, [writer = writer_, directory = settings_.output_dir,
-                                              summary = summary(), landmarks = system_.estimator().landmarks()] {
+  autosave_ = std::async(std::launch::async, [this, writer = writer_, summary = summary(),
+                                              landmarks = system_.estimator().landmarks()] {
+    const auto start = WorkQueue::Clock::now();
     try {
-      save(writer, directory, summary, landmarks);
+      save(writer, settings_.output_dir, summary, landmarks);
     } catch (const std::exception& e) {
       ROS_ERROR_STREAM("not saved: " << e.what());
     }
+    autosave_cost_s_ = secondsSince(start);
   });
 }
 
@@ -270,6 +287,7 @@ void SlamNode::stopWork() {
   if (worker_.joinable()) worker_.join();
   for (ros::ServiceServer& service : services_) service.shutdown();
   service_spinner_.stop();
+  tuning_.reset();
   if (autosave_.valid()) autosave_.wait();
 }
 

@@ -13,7 +13,7 @@ constexpr std::size_t kMostTracked = 40; ///< features of the largest frame
 
 Config chooseConfig(FuzzBytes& bytes) {
   Config config;
-  config.invariant.map_max_landmarks = kMostMapped;
+  config.invariant.map.max_landmarks = kMostMapped;
   config.paper.landmark_fraction = 1.0;
   const std::size_t kind = bytes.below(8);
   if (kind >= 5) config.estimator = EstimatorType::kPaper;

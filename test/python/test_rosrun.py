@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from conftest import ROOT, script_path
 
-PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node"]
+PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node", "soak"]
 SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py", "load_test.py",
            "play_bag.py", "plot_monte_carlo.py", "plot_run.py", "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
            "simulate_dataset.py"]

@@ -58,10 +58,11 @@ def _landmarks():
     return [(6.0 * i - 24.0, 6.0 * j - 15.0, 1.5 * ((i + j) % 3) - 1.0) for i in range(10) for j in range(10)]
 
 
-def features(stamp, time):
-    """What the pair sees `time` s after the start."""
+def features(stamp, time, offset=(0.0, 0.0)):
+    """What the pair sees `time` s after the start, from `offset` (m, map axes) beside the circle."""
     message = _header(StereoFeatureArray(), stamp, LEFT)
     x, y, yaw = pose_at(time)
+    x, y = x + offset[0], y + offset[1]
     for track, (lx, ly, lz) in enumerate(_landmarks()):
         ahead = math.cos(yaw) * (lx - x) + math.sin(yaw) * (ly - y) - CAMERA_IN_IMU[0]
         left = -math.sin(yaw) * (lx - x) + math.cos(yaw) * (ly - y) - CAMERA_IN_IMU[1]

@@ -125,12 +125,17 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   summary.input = "a \"quoted\": bag";
   summary.wall_s = 1.5;
   summary.counts.late = {1, 2, 3};
+  summary.counts.divergences = {0, 1, 2, 3, 4};
+  summary.counts.blind_s = 2.5;
   summary.turned_away["imu: wrong frame"] = 4;
   writer_.writeSummary(directory_, summary, 1);
   const YAML::Node node = YAML::LoadFile(directory_ + "/summary.yaml");
   EXPECT_EQ(summary.input, node["input"].as<std::string>());
   EXPECT_EQ(2, node["frames"].as<int>());
   EXPECT_EQ(6, node["late"]["total"].as<int>());
+  EXPECT_EQ(10, node["divergences"]["total"].as<int>());
+  EXPECT_EQ(3, node["divergences"]["jump"].as<int>());
+  EXPECT_DOUBLE_EQ(2.5, node["blind_s"].as<double>());
   EXPECT_EQ(4, node["turned_away"]["imu: wrong frame"].as<int>());
   EXPECT_DOUBLE_EQ(2.0, node["times_real_time"].as<double>());
 }

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "vi_ekf_slam/core/divergence_monitor.hpp"
 #include "vi_ekf_slam/core/measurement.hpp"
 #include "vi_ekf_slam/core/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
@@ -44,10 +45,18 @@ struct FrameReport {
   std::size_t landmarks = 0;   ///< in the state after the frame, active
   std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
-  /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be judged: the
-  /// mean of their ratio is 1. 0 where nothing was used.
+  /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
+  /// judged: the mean of their ratio is 1. 0 where nothing was used.
   double nis = 0.0;
   std::size_t nis_dof = 0;
+  /// The estimate was no longer believed, for this reason, and begun anew from where it was: without
+  /// landmarks, and with a covariance that covers what may have gone wrong.
+  Divergence divergence = Divergence::kNone;
+};
+
+/// Limits of what is used of a frame, see InvariantConfig.
+struct Gates {
+  double gate, frame_gate, plausible_gate, motion_gate;
 };
 
 /// A causal estimator of pose and map. Measurements come in the order of their stamps (see
@@ -64,6 +73,9 @@ class Estimator {
   virtual void process(const VelocitySample& sample) = 0;
   virtual FrameReport process(const StereoFrame& frame) = 0;
 
+  /// From now on; an estimator without such gates has nothing to change.
+  virtual void setGates(const Gates& /*gates*/) {}
+
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 
@@ -74,6 +86,10 @@ class Estimator {
 };
 
 struct Config;
+struct InvariantConfig;
+
+Gates gatesOf(const InvariantConfig& config);
+void setGates(InvariantConfig& config, const Gates& gates);
 
 /// The estimator that `config.estimator` asks for.
 std::unique_ptr<Estimator> makeEstimator(const Config& config);

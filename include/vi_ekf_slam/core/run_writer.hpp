@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/run_records.hpp"
 #include "vi_ekf_slam/core/slam_system.hpp"
 
 namespace vi_ekf_slam {
@@ -53,23 +55,16 @@ class RunWriter {
   void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 
  private:
-  struct Record {
-    Stamp stamp;
-    SE3 world_T_imu;
-    SE3 odom_T_imu;
-    Matrix6d pose_covariance;
-    FrameReport report;
-    double update_s;
-  };
   struct Run {
-    std::vector<Record> records;
+    RunRecords records;
     bool has_frames = false;
   };
 
-  static Record toRecord(const Output& output);
+  static RunRecord toRecord(const Output& output);
   static void writeRun(const std::string& directory, const Run& run);
 
-  std::vector<Run> runs_{1};
+  std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
+  std::vector<Run> runs_{{RunRecords(spool_)}};
 };
 
 /// "sec.nnnnnnnnn", exact.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "vi_ekf_slam/core/blindness.hpp"
 #include "vi_ekf_slam/core/clock_guard.hpp"
 #include "vi_ekf_slam/core/config.hpp"
 #include "vi_ekf_slam/core/dead_reckoning.hpp"
@@ -33,11 +34,12 @@ struct SystemCounts {
   std::array<std::uint64_t, kStreamCount> processed{};
   std::array<std::uint64_t, kStreamCount> late{};
   std::array<std::uint64_t, kStreamCount> duplicate{};
-  std::array<std::uint64_t, kStreamCount> ahead{};   ///< a stamp far ahead of all others, not confirmed
-  std::array<std::uint64_t, kStreamCount> behind{};  ///< a stamp far behind all others, not confirmed
-  std::array<std::uint64_t, kStreamCount> invalid{}; ///< not finite, too fast, or a covariance that is none
-  std::array<std::uint64_t, kStreamCount> too_fast{};       ///< of the invalid: beyond kMaxSpeed and the like
-  std::array<std::uint64_t, kStreamCount> bad_covariance{}; ///< of the invalid: not symmetric positive definite
+  std::array<std::uint64_t, kStreamCount> ahead{};    ///< a stamp far ahead of all others, not confirmed
+  std::array<std::uint64_t, kStreamCount> behind{};   ///< a stamp far behind all others, not confirmed
+  std::array<std::uint64_t, kStreamCount> invalid{};  ///< not finite, too fast, or a covariance that is none
+  std::array<std::uint64_t, kStreamCount> too_fast{}; ///< of the invalid: beyond kMaxSpeed and the like
+  std::array<std::uint64_t, kStreamCount>
+      bad_covariance{}; ///< of the invalid: not symmetric positive definite
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
   std::uint64_t gaps = 0; ///< longer than max_jump_ahead_s, short enough to go on
@@ -48,11 +50,14 @@ struct SystemCounts {
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
   std::uint64_t places_recognised = 0;
+  std::array<std::uint64_t, kDivergenceCount> divergences{}; ///< recovered from, by Divergence
+  double blind_s = 0.0; ///< s of sensor time in periods without a correction by features, see Blindness
+  std::uint64_t blind_periods = 0; ///< their number
 };
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:
-/// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run in the caller's
-/// thread.
+/// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run
+/// in the caller's thread.
 class SlamSystem {
  public:
   explicit SlamSystem(const Config& config);
@@ -78,11 +83,15 @@ class SlamSystem {
   /// Processes all that is still held: the data are over.
   void flush();
 
+  /// From now on, also after a reset.
+  void setGates(const Gates& gates);
+
   /// Forgets state and map, keeps calibration and counts.
   void reset(const std::string& reason);
 
   const Estimator& estimator() const { return *estimator_; }
   const SystemCounts& counts() const { return counts_; }
+  const Blindness& blindness() const { return blindness_; }
   const Config& config() const { return config_; }
 
  private:
@@ -93,6 +102,7 @@ class SlamSystem {
   void countStrays();
   void drain();
   void process(const Measurement& measurement);
+  void count(const FrameReport& report);
 
   Config config_;
   ClockGuard guard_;
@@ -101,6 +111,7 @@ class SlamSystem {
   DeadReckoning dead_reckoning_;
   std::optional<StereoRig> rig_;
   std::optional<Stamp> first_stamp_;
+  Blindness blindness_;
   SystemCounts counts_;
   std::function<void(const Output&)> on_frame_;
   std::function<void(const Output&)> on_gyro_;

@@ -59,6 +59,7 @@ class Diagnostics {
   void inputs(Status& status);
   void calibration(Status& status);
   void estimator(Status& status);
+  void divergence(Status& status);
   void load(Status& status);
   void drops(Status& status);
 
@@ -69,6 +70,7 @@ class Diagnostics {
   LatencyMeter latency_;
   std::uint64_t reported_shed_ = 0;
   std::uint64_t reported_drops_ = 0;
+  std::array<std::uint64_t, kDivergenceCount> reported_divergences_{};
   std::array<RateMeter, kStreamCount> rates_;
   Stamp newest_input_ = 0;
   Stamp newest_output_ = 0;

@@ -32,6 +32,8 @@ class Publishers {
   void publishAll();
   /// Sends paths and map to listeners that have come since the last call.
   void serveNewListeners();
+  /// s of sensor time between two paths and two maps, byte/s of each topic.
+  void setRates(double path_period_s, double landmark_period_s, double max_bandwidth_bytes_s);
   /// Paths and map are void.
   void reset();
 

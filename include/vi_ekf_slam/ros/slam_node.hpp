@@ -19,6 +19,7 @@
 #include "vi_ekf_slam/ros/load_control.hpp"
 #include "vi_ekf_slam/ros/output_sequencer.hpp"
 #include "vi_ekf_slam/ros/publishers.hpp"
+#include "vi_ekf_slam/ros/tuning.hpp"
 #include "vi_ekf_slam/ros/work_queue.hpp"
 
 namespace vi_ekf_slam {
@@ -66,6 +67,7 @@ class SlamNode {
   void work();
   void process(WorkQueue::Item& item);
   void stopWork();
+  bool tune(const TuningConfig& tuning);
   bool runInWorker(const std::function<void()>& task);
   void handleOutput(const Output& output, bool is_frame);
   void handleReset(const std::string& reason);
@@ -96,6 +98,7 @@ class SlamNode {
   WorkQueue::Clock::time_point last_warning_ = start_;
   WorkQueue::Clock::time_point last_autosave_ = start_;
   std::future<void> autosave_;
+  std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
   WorkQueue::Clock::time_point item_arrival_ = start_;
   std::map<std::string, std::uint64_t> warned_turned_away_;
   bool finished_ = false;
@@ -106,6 +109,7 @@ class SlamNode {
   ros::CallbackQueue service_queue_;
   std::vector<ros::Subscriber> subscribers_;
   std::vector<ros::ServiceServer> services_;
+  std::unique_ptr<Tuning> tuning_;
   ros::AsyncSpinner service_spinner_{1, &service_queue_};
   std::thread worker_;
 };

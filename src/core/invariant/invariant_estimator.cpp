@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 #include "vi_ekf_slam/core/invariant/twist_update.hpp"
@@ -18,33 +19,41 @@ constexpr double kStandstillVelocity = 0.02; // m/s, how still a body stands who
 constexpr double kStandstillRate = 0.002;    // rad/s
 constexpr std::size_t kMaxArchived = 100000; // landmarks
 
-Prior priorOf(const InvariantConfig& config) {
-  return {Vector6d::Constant(kPosePriorSigma), config.prior_twist_sigma, config.prior_bias_sigma};
-}
-
 Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
 
 } // namespace
 
 InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
     : config_(config),
-      state_(priorOf(config), config.map.keep != MapKeep::kNone),
+      state_(initialState(config)),
       scale_(config.scale_sigma, config.scale_significance),
       drift_(config.drift_position, config.drift_rotation),
       standstill_(config.standstill_px),
+      monitor_(config.divergence),
+      sound_{0, {}, Matrix6d::Zero(), Eigen::Vector3d::Zero(), drift_},
       archive_(kMaxArchived) {}
+
+State InvariantEstimator::initialState(const InvariantConfig& config) {
+  return State({Vector6d::Constant(kPosePriorSigma), config.prior_twist_sigma, config.prior_bias_sigma},
+               config.map.keep != MapKeep::kNone);
+}
 
 void InvariantEstimator::setRig(const StereoRig& rig) {
   model_.emplace(rig, config_.pixel_sigma, config_.min_depth_m);
   baseline_ = rig.camera.baseline;
 }
 
+void InvariantEstimator::setGates(const Gates& gates) { vi_ekf_slam::setGates(config_, gates); }
+
 void InvariantEstimator::advanceTo(Stamp stamp) {
   if (stamp_ && stamp > *stamp_) {
     ProcessNoise noise{config_.twist_density, config_.bias_density};
     if (!config_.twist_state) noise.twist_density.setZero();
     const double dt = secondsBetween(*stamp_, stamp);
-    drift_.drive(state_.pose().translation(), dt * state_.twist().head<3>().norm());
+    const double distance = dt * state_.twist().head<3>().norm();
+    distance_ += distance;
+    angle_ += dt * state_.twist().tail<3>().norm();
+    drift_.drive(state_.pose().translation(), distance);
     state_.propagate(dt, noise);
   }
   stamp_ = stamp;
@@ -57,6 +66,7 @@ void InvariantEstimator::process(const GyroSample& sample) {
   standstill_.addGyro(sample.stamp, sample.angular_velocity - state_.bias().tail<3>(), noise,
                       state_.covariance().block<3, 3>(kBias + 3, kBias + 3));
   measure(3, sample.angular_velocity, noise);
+  keepSound(false);
   last_gyro_ = GyroSample{sample.stamp, sample.angular_velocity, noise};
 }
 
@@ -71,6 +81,7 @@ void InvariantEstimator::process(const VelocitySample& sample) {
                    state_.covariance().block<3, 3>(kTwist, kTwist));
   }
   measure(0, sample.linear_velocity, noise);
+  keepSound(false);
 }
 
 void InvariantEstimator::measure(Eigen::Index axis, const Eigen::Vector3d& measured,
@@ -116,6 +127,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     const std::vector<Observation> observations = match(frame, usable, unknown, keep);
     const FrameOutcome outcome =
         FrameUpdate(config_, *model_).apply(state_, frame, observations, manoeuvreSince(last_frame_));
+    const Divergence divergence = judge(frame, observations, outcome);
     for (std::size_t i = 0; i < observations.size(); ++i) {
       if (outcome.used[i]) {
         state_.addObservations(observations[i].landmark, 1);
@@ -134,6 +146,13 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     report.frame_rejected = outcome.rejected;
     report.nis = outcome.nis;
     report.nis_dof = outcome.nis_dof;
+    if (divergence != Divergence::kNone) {
+      divergence_ = divergence;
+      keep.assign(keep.size(), false);
+      outcasts_.clear();
+      recalled_.clear();
+      unknown = usable;
+    }
     if (!recalled_.empty()) keepRecalled(frame, unknown, keep, report);
     remove(keep, report);
     initialise(frame, unknown, report);
@@ -143,8 +162,11 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
       recognisePlace(report);
     }
   }
+  keepSound(true);
   if (report.place_recognised) rotation_variance_.setZero();
   keepRotationVariance();
+  report.divergence = std::exchange(divergence_, Divergence::kNone);
+  distance_ = angle_ = 0.0;
   last_used_ = report.used;
   last_frame_ = frame.stamp;
   report.landmarks = state_.landmarks().size();

@@ -63,6 +63,14 @@ void InvariantEstimator::boundInactive() {
   }
 }
 
+/// Their last estimates stay in the map, where they are sound.
+void InvariantEstimator::archiveInactive() {
+  for (const InactiveLandmark& l : state_.inactiveLandmarks(InactiveMap::Covariances::kLastSettled)) {
+    if (l.landmark.position.allFinite() && l.covariance.allFinite() && (l.covariance.diagonal().array() >= 0.0).all())
+      archive_.put(invariant::estimateOf(l));
+  }
+}
+
 /// Landmarks that were recalled stay active, if they are not in view yet, while they are before the camera.
 void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
                                       std::vector<bool>& keep, FrameReport& report) {

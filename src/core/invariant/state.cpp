@@ -56,6 +56,21 @@ void State::disturb(double dt, const ProcessNoise& noise) {
   addTwistNoise(G, dt, noise, Columns6::Zero(size(), 6), Matrix6d::Zero());
 }
 
+/// The error Log(T T^^-1) is that of before, since truth and estimate move by the same T <- T motion. What is added: with
+/// dp = xi_p - [p]x xi_R, and d = e - [m]x xi_R = 0 for landmarks, (xi_p, xi_R, e) = ([I, [p]x], [0, I], [0, [m]x])
+/// (dp, dtheta).
+void State::displace(const SE3& motion, const Matrix6d& covariance) {
+  pose_ = (pose_ * motion).normalized();
+  Columns6 G = Columns6::Zero(size(), 6);
+  G.topRows<6>().setIdentity();
+  G.block<3, 3>(kPosition, 3) = so3::hat(pose_.translation());
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    G.block<3, 3>(offsetOf(i), 3) = so3::hat(landmarks_[i].position);
+  }
+  covariance_.topLeftCorner(size(), size()).noalias() += G * covariance * G.transpose();
+  mirrorLower(covariance_.topLeftCorner(size(), size()));
+}
+
 /// P += [G cov(dnu) G^T and its cross terms] for a twist error that is `cross` (all errors with dnu) and
 /// `twist_covariance` at the step's start, and driven by white noise of its derivative during it: Q dt on nu,
 /// Q dt / 3 on the step's mean twist, Q dt / 2 between the two.

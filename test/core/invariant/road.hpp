@@ -53,6 +53,9 @@ class Road {
     stamp_ += 100000000;
   }
 
+  /// Somewhere else at once: pose() * motion.
+  void displace(const SE3& motion) { pose_ = (pose_ * motion).normalized(); }
+
   FrameReport feed(Estimator& estimator) {
     estimator.process(gyro());
     estimator.process(velocity());

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 
+#include "vi_ekf_slam/core/divergence_monitor.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {
@@ -74,6 +75,11 @@ struct InvariantConfig {
   /// anything was compared with the measured velocity; 0: the scale is taken as right.
   double scale_sigma = 0.03;
   double scale_significance = 3.5; ///< sigmas beyond which an error of scale is proven, and corrected
+
+  DivergenceMonitor::Options divergence;
+  /// By which the static world is displaced from one frame to the next, beyond what the vehicle drives, m; 0: not
+  /// looked for.
+  double divergence_jump_m = 10.0;
 
   MapConfig map;
 };

@@ -10,6 +10,7 @@
 #include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/invariant/drift.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
+#include "vi_ekf_slam/core/invariant/jump.hpp"
 #include "vi_ekf_slam/core/invariant/scale_monitor.hpp"
 #include "vi_ekf_slam/core/invariant/standstill.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
@@ -28,11 +29,13 @@ class InvariantEstimator : public Estimator {
   void process(const GyroSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
+  void setGates(const Gates& gates) override;
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
   std::vector<LandmarkEstimate> exactLandmarks() const override;
 
  private:
+  static State initialState(const InvariantConfig& config);
   void advanceTo(Stamp stamp);
   void measure(Eigen::Index axis, const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
   void gradeBias(Eigen::Index axis, const Eigen::Matrix3d& noise, double configured_sigma, bool& done);
@@ -40,6 +43,18 @@ class InvariantEstimator : public Estimator {
   void forgetOutcastsNotIn(const StereoFrame& frame);
   void keepRotationVariance();
   Matrix6d poseCovariance() const;
+  bool isSound(bool thoroughly) const;
+  void keepSound(bool thoroughly);
+  Divergence judge(const StereoFrame& frame, const std::vector<Observation>& observations,
+                   const FrameOutcome& outcome);
+  std::vector<Displaced> displacedPoints(const StereoFrame& frame,
+                                         const std::vector<Observation>& observations) const;
+  bool isJump(const SE3& motion) const;
+  void followJump(const SE3& motion);
+  void doubtAll();
+  void rebuild();
+  void doubt(double position_sigma, double rotation_sigma);
+  void doubt(const SE3& motion, const Matrix6d& covariance);
   Manoeuvre manoeuvreSince(std::optional<Stamp> last_frame) const;
   bool isUsable(const StereoPixels& pixels) const;
   std::vector<Observation> match(const StereoFrame& frame, const std::vector<std::size_t>& usable,
@@ -50,6 +65,7 @@ class InvariantEstimator : public Estimator {
   std::vector<LandmarkEstimate> landmarks(InactiveMap::Covariances covariances) const;
   void retire(std::size_t landmark);
   void boundInactive();
+  void archiveInactive();
   void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown, std::vector<bool>& keep,
                     FrameReport& report);
   void revisit(FrameReport& report);
@@ -57,12 +73,26 @@ class InvariantEstimator : public Estimator {
   std::vector<FeatureId> soonInView() const;
   bool isLongOutOfView(FeatureId inactive) const;
 
+  /// What is left when mean or covariance break.
+  struct Sound {
+    Stamp stamp = 0;
+    SE3 pose;
+    Matrix6d pose_covariance = Matrix6d::Zero(); ///< the state's, along the world axes
+    Eigen::Vector3d rotation_variance = Eigen::Vector3d::Zero();
+    Drift drift;
+  };
+
   InvariantConfig config_;
   State state_;
   ScaleMonitor scale_;
   Drift drift_;
   Eigen::Vector3d rotation_variance_ = Eigen::Vector3d::Zero(); ///< published with the last frame, rad^2
   StandstillDetector standstill_;
+  DivergenceMonitor monitor_;
+  Sound sound_;
+  double distance_ = 0.0;                     ///< m driven since the last frame
+  double angle_ = 0.0;                        ///< rad turned since the last frame
+  Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
   std::optional<StereoModel> model_;
   double baseline_ = 0.0; ///< m, as calibrated
   std::optional<Stamp> stamp_;

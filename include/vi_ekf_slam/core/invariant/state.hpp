@@ -92,6 +92,10 @@ class State {
   /// The process noise of the last `dt` s alone, beyond what propagate added: the mean stays where it is.
   void disturb(double dt, const ProcessNoise& noise);
 
+  /// The body is at pose() * motion instead, and its pose less certain by `covariance`, 6x6 of independent errors
+  /// (position, rotation) along the world axes; the landmarks stay where they are.
+  void displace(const SE3& motion, const Matrix6d& covariance);
+
   /// Kalman update by a correction made from this state. With `cam_T_imu` landmarks before the camera are
   /// corrected in inverse depth (see retract). False, and no change, when it is not valid. Throws std::logic_error for
   /// a correction without H where inactive landmarks are kept.

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <fstream>
+#include <string>
+
+namespace vi_ekf_slam {
+
+/// A file that appears under its name only when it is complete: written under a temporary name beside it, then renamed.
+/// Not committed, it leaves nothing.
+class AtomicFile {
+ public:
+  explicit AtomicFile(const std::string& path);
+  ~AtomicFile();
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+
+  AtomicFile& operator<<(const std::string& text) {
+    file_ << text;
+    return *this;
+  }
+
+  /// Throws std::runtime_error with path and cause where anything could not be written.
+  void commit();
+
+ private:
+  std::string path_;
+  std::string temporary_;
+  std::ofstream file_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <deque>
+
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam {
+
+/// Why an estimate is no longer believed.
+enum class Divergence : std::size_t {
+  kNone = 0,
+  kInnovations = 1, ///< larger than their covariance allows, for a while
+  kRejections = 2,  ///< most frames contradicted the state, for a while
+  kJump = 3,        ///< the static world was suddenly somewhere else: the vehicle was displaced
+  kCovariance = 4,  ///< mean or covariance not finite, or the covariance not positive semidefinite
+};
+constexpr std::size_t kDivergenceCount = 5;
+
+/// One word each, for files and diagnostics.
+constexpr std::array<const char*, kDivergenceCount> kDivergenceNames = {"none", "innovations", "rejections",
+                                                                        "jump", "covariance"};
+
+/// Judges the estimator by what its frames said within the last seconds. One frame alone proves nothing: a
+/// lorry that fills the view, or a front end that mixes up its tracks, spoils single ones.
+class DivergenceMonitor {
+ public:
+  struct Options {
+    double window_s = 2.0;      ///< s; 0: never judges
+    double nis = 4.0;           ///< mean NIS per degree of freedom beyond which the estimate has diverged
+    double refused_share = 0.8; ///< of the frames of the window; so much or more of them is a divergence
+  };
+
+  /// What a frame said about the estimate.
+  struct Frame {
+    Stamp stamp = 0;
+    double distance = 0.0;   ///< m driven since the last frame
+    double angle = 0.0;      ///< rad turned since the last frame
+    std::size_t matched = 0; ///< features of known landmarks
+    std::size_t used = 0;    ///< of them
+    bool rejected = false;   ///< as a whole
+    double nis = 0.0;        ///< normalised innovation squared
+    std::size_t nis_dof = 0; ///< its degrees of freedom
+  };
+
+  explicit DivergenceMonitor(const Options& options) : options_(options) {}
+
+  Divergence add(const Frame& frame);
+  /// m driven and rad turned within the window, there and back added up.
+  double distance() const;
+  double angle() const;
+  /// A new estimate: what was seen before does not count against it.
+  void restart() { frames_.clear(); }
+
+ private:
+  Options options_;
+  std::deque<Frame> frames_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <dynamic_reconfigure/server.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <memory>
+
+#include "vi_ekf_slam/TuningConfig.h"
+#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+namespace vi_ekf_slam {
+
+/// What may be changed while the node runs, by dynamic_reconfigure at `~tuning`: publishing rates and gates.
+class Tuning {
+ public:
+  /// `private_nh`'s queue serves the changes. `apply` is called in its thread with each change, not with the
+  /// configuration's own values; false: the node is ending, and nothing changes.
+  Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
+         std::function<bool(const TuningConfig&)> apply);
+
+ private:
+  void change(TuningConfig& wanted);
+
+  TuningConfig current_;
+  std::function<bool(const TuningConfig&)> apply_;
+  dynamic_reconfigure::Server<TuningConfig> server_;
+};
+
+/// The gates among the values.
+Gates gatesOf(const TuningConfig& tuning);
+
+} // namespace vi_ekf_slam

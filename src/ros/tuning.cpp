@@ -1,0 +1,60 @@
+#include "vi_ekf_slam/ros/tuning.hpp"
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace vi_ekf_slam {
+namespace {
+
+std::array<double, 7> numbersOf(const TuningConfig& t) {
+  return {t.path_period_s,  t.landmark_period_s, t.max_bandwidth_bytes_s, t.gate, t.frame_gate,
+          t.plausible_gate, t.motion_gate};
+}
+
+TuningConfig tuningOf(const FullConfig& config) {
+  TuningConfig tuning;
+  tuning.path_period_s = config.ros.path_period_s;
+  tuning.landmark_period_s = config.ros.landmark_period_s;
+  tuning.max_bandwidth_bytes_s = config.ros.max_bandwidth_bytes_s;
+  const Gates gates = gatesOf(config.core.invariant);
+  tuning.gate = gates.gate;
+  tuning.frame_gate = gates.frame_gate;
+  tuning.plausible_gate = gates.plausible_gate;
+  tuning.motion_gate = gates.motion_gate;
+  return tuning;
+}
+
+} // namespace
+
+Gates gatesOf(const TuningConfig& tuning) {
+  return {tuning.gate, tuning.frame_gate, tuning.plausible_gate, tuning.motion_gate};
+}
+
+Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
+               std::function<bool(const TuningConfig&)> apply)
+    : current_(tuningOf(config)), apply_(std::move(apply)), server_(ros::NodeHandle(private_nh, "tuning")) {
+  // What an earlier node left on the parameter server does not count: the configuration says what is.
+  server_.updateConfig(current_);
+  server_.setCallback([this](TuningConfig& wanted, std::uint32_t /*level*/) { change(wanted); });
+}
+
+/// `wanted` is within its limits, unless it is not a number; what it is afterwards is what the clients see.
+void Tuning::change(TuningConfig& wanted) {
+  const std::array<double, 7> numbers = numbersOf(wanted);
+  if (numbers == numbersOf(current_)) return;
+  for (const double number : numbers) {
+    if (std::isfinite(number)) continue;
+    ROS_WARN("tuning: a value is not a number: nothing is changed");
+    wanted = current_;
+    return;
+  }
+  if (apply_(wanted)) {
+    current_ = wanted;
+    ROS_INFO("tuning: changed");
+  } else {
+    wanted = current_;
+  }
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,271 @@
+/// Drives for a day of sensor time, as fast as it goes, through the node's own way: messages, Intake,
+/// SlamSystem, OutputSequencer, what would be published, files. Ends with 1 when memory grows, a number is
+/// none, or a pose is missing.
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+
+#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/map_messages.hpp"
+#include "vi_ekf_slam/ros/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/path_recorder.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kFrameRate = 10.0;    // Hz
+constexpr double kReportPeriod = 3600; // s of sensor time
+constexpr double kMapPeriod = 60.0;    // s of sensor time between maps as messages
+constexpr double kAllowedGrowth = 0.05;
+
+const char* const kUsage =
+    "usage: soak [--frames N] [--features N] [--seed N] [--output DIR]\n"
+    "  --frames N    10 Hz; default 864000, a day\n"
+    "  --features N  of a frame at most; default 40\n"
+    "  --seed N      of the simulated drive; default 1\n"
+    "  --output DIR  for the results; default: a folder below the temporary one\n";
+
+struct Options {
+  std::size_t frames = 864000;
+  int features = 40;
+  std::uint64_t seed = 1;
+  std::string output;
+};
+
+std::uint64_t wholeNumber(const std::string& option, const std::string& text, std::uint64_t most) {
+  char* end = nullptr;
+  const unsigned long long value = std::strtoull(text.c_str(), &end, 10);
+  if (text.empty() || *end != '\0' || text[0] == '-' || value < 1 || value > most) {
+    throw std::invalid_argument(option + " is '" + text + "', allowed: 1 to " + std::to_string(most));
+  }
+  return value;
+}
+
+Options parse(int argc, char** argv) {
+  Options options;
+  for (int i = 1; i < argc; ++i) {
+    const std::string option = argv[i];
+    if (option == "--help" || option == "-h") {
+      std::cout << kUsage;
+      std::exit(0);
+    }
+    if (i + 1 == argc) throw std::invalid_argument("unknown option or no value: " + option + "\n" + kUsage);
+    const std::string value = argv[++i];
+    if (option == "--frames") {
+      options.frames = wholeNumber(option, value, 100000000);
+    } else if (option == "--features") {
+      options.features = static_cast<int>(wholeNumber(option, value, 1000));
+    } else if (option == "--seed") {
+      options.seed = wholeNumber(option, value, 1000000);
+    } else if (option == "--output") {
+      options.output = value;
+    } else {
+      throw std::invalid_argument("unknown option: " + option + "\n" + kUsage);
+    }
+  }
+  return options;
+}
+
+/// MB of resident memory.
+double residentMegabytes() {
+  std::ifstream statm("/proc/self/statm");
+  std::size_t all = 0, resident = 0;
+  if (!(statm >> all >> resident)) throw std::runtime_error("/proc/self/statm cannot be read");
+  return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
+}
+
+template <typename Message>
+Message stamped(Stamp stamp, const char* frame) {
+  Message message;
+  message.header.stamp = conversions::toTime(stamp);
+  message.header.frame_id = frame;
+  return message;
+}
+
+sensor_msgs::Imu toMessage(const GyroSample& sample) {
+  auto message = stamped<sensor_msgs::Imu>(sample.stamp, "imu");
+  message.angular_velocity.x = sample.angular_velocity.x();
+  message.angular_velocity.y = sample.angular_velocity.y();
+  message.angular_velocity.z = sample.angular_velocity.z();
+  for (std::size_t i = 0; sample.covariance && i < 9; ++i) {
+    message.angular_velocity_covariance[i] =
+        (*sample.covariance)(static_cast<int>(i / 3), static_cast<int>(i % 3));
+  }
+  return message;
+}
+
+geometry_msgs::TwistWithCovarianceStamped toMessage(const VelocitySample& sample) {
+  auto message = stamped<geometry_msgs::TwistWithCovarianceStamped>(sample.stamp, "imu");
+  message.twist.twist.linear.x = sample.linear_velocity.x();
+  message.twist.twist.linear.y = sample.linear_velocity.y();
+  message.twist.twist.linear.z = sample.linear_velocity.z();
+  for (std::size_t i = 0; sample.covariance && i < 9; ++i) {
+    message.twist.covariance[6 * (i / 3) + i % 3] =
+        (*sample.covariance)(static_cast<int>(i / 3), static_cast<int>(i % 3));
+  }
+  return message;
+}
+
+StereoFeatureArray toMessage(const StereoFrame& frame) {
+  auto message = stamped<StereoFeatureArray>(frame.stamp, "left");
+  for (const StereoFeatureObservation& feature : frame.features) {
+    StereoFeature f;
+    f.id = feature.id;
+    f.u_left = feature.pixels[0];
+    f.v_left = feature.pixels[1];
+    f.u_right = feature.pixels[2];
+    f.v_right = feature.pixels[3];
+    message.features.push_back(f);
+  }
+  return message;
+}
+
+/// The node without its topics.
+class Soak {
+ public:
+  explicit Soak(const Options& options)
+      : options_(options),
+        system_({}),
+        intake_(system_, config_, {}),
+        sequencer_([this](const Output& output, bool is_frame) { publish(output, is_frame); }),
+        path_(config_.map_frame, config_.path_max_points, config_.path_min_distance_m) {
+    system_.onGyro([this](const Output& output) { sequencer_.addGyro(output); });
+    system_.onFrame([this](const Output& output) {
+      sequencer_.addFrame(output);
+      writer_.addFrame(output);
+    });
+    system_.onReset([this](const std::string& reason) { problem("reset: " + reason); });
+  }
+
+  /// Whether all went well.
+  bool run() {
+    simulation::DriveOptions drive;
+    drive.seed = options_.seed;
+    drive.features_max = options_.features;
+    drive.features_min = std::min(drive.features_min, options_.features / 2 + 1);
+    drive.duration = static_cast<double>(options_.frames) / kFrameRate;
+    drive.frame_rate = kFrameRate;
+    drive.track_median = 8.0; // short tracks, many landmarks: the map is full within the first hour
+    simulation::DriveSimulator simulator(drive);
+    system_.setRig(simulator.rig());
+    while (auto step = simulator.next()) {
+      if (fed_ == options_.frames) break;
+      for (const Measurement& measurement : simulation::measurementsOf(*step)) {
+        std::visit([this](const auto& sample) { intake_.add(toMessage(sample)); }, measurement);
+        sequencer_.endOfDrain();
+      }
+      ++fed_;
+      if (fed_ % static_cast<std::size_t>(kReportPeriod * kFrameRate) == 0) report();
+    }
+    system_.flush();
+    sequencer_.endOfDrain();
+    report();
+    return finish();
+  }
+
+ private:
+  void problem(const std::string& text) {
+    if (++problems_ <= 20) std::cerr << "PROBLEM: " << text << std::endl;
+  }
+
+  void publish(const Output& output, bool is_frame) {
+    const nav_msgs::Odometry odometry = conversions::toOdometry(output.state, config_.map_frame, "imu");
+    double sum =
+        odometry.pose.pose.position.x + odometry.pose.pose.position.y + odometry.pose.pose.orientation.w;
+    for (const double c : odometry.pose.covariance) sum += c;
+    for (const double c : odometry.twist.covariance) sum += c;
+    if (!std::isfinite(sum)) problem("not finite at frame " + std::to_string(frames_));
+    if (is_frame) {
+      if (output.state.stamp <= last_stamp_)
+        problem("stamps do not grow at frame " + std::to_string(frames_));
+      last_stamp_ = output.state.stamp;
+      ++frames_;
+    }
+    path_.add(output.state.stamp, output.state.world_T_imu);
+    if (is_frame && frames_ % static_cast<std::size_t>(kMapPeriod * kFrameRate) == 0) {
+      map_bytes_ =
+          toCloud(system_.estimator().landmarks(), output.state.stamp, config_.map_frame).data.size();
+    }
+  }
+
+  void report() {
+    const double memory = residentMegabytes();
+    const double hours = static_cast<double>(fed_) / kFrameRate / 3600.0;
+    if (hours >= 1.0 && reference_ == 0.0) reference_ = memory;
+    largest_ = std::max(largest_, memory);
+    std::printf("%.2f h, %zu frames, %.0f frames/s, %.1f MB, path %zu points, map message %zu bytes\n", hours,
+                fed_, static_cast<double>(fed_) / seconds(), memory, path_.message().poses.size(),
+                map_bytes_);
+    std::fflush(stdout);
+  }
+
+  bool finish() {
+    RunWriter::makeDirectory(options_.output);
+    writer_.writeTrajectory(options_.output);
+    const auto landmarks = system_.estimator().landmarks();
+    writer_.writeMap(options_.output, landmarks);
+    writer_.writeSummary(options_.output,
+                         {"soak", "default", seconds(), system_.counts(), intake_.turnedAway()},
+                         landmarks.size());
+    std::ifstream file(options_.output + "/trajectory.tum");
+    std::size_t lines = 0;
+    for (std::string line; std::getline(file, line);) {
+      ++lines;
+      if (line.find("nan") != std::string::npos || line.find("inf") != std::string::npos)
+        problem("in a file: " + line);
+    }
+    if (frames_ != options_.frames || lines != frames_) {
+      problem(std::to_string(options_.frames) + " frames, " + std::to_string(frames_) + " answered, " +
+              std::to_string(lines) + " in trajectory.tum");
+    }
+    const double growth = reference_ > 0.0 ? largest_ / reference_ - 1.0 : 0.0;
+    if (growth > kAllowedGrowth) problem("memory has grown since the first hour");
+    std::printf(
+        "%zu frames in %.0f s, memory %.1f MB at most, %+.2f %% since the first hour, %zu landmarks, %zu "
+        "problems\n",
+        frames_, seconds(), largest_, 100.0 * growth, landmarks.size(), problems_);
+    return problems_ == 0;
+  }
+
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+  Options options_;
+  RosConfig config_;
+  SlamSystem system_;
+  Intake intake_;
+  OutputSequencer sequencer_;
+  PathRecorder path_;
+  RunWriter writer_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::size_t fed_ = 0, frames_ = 0, problems_ = 0, map_bytes_ = 0;
+  Stamp last_stamp_ = 0;
+  double reference_ = 0.0, largest_ = 0.0;
+};
+
+} // namespace
+} // namespace vi_ekf_slam
+
+int main(int argc, char** argv) {
+  try {
+    vi_ekf_slam::Options options = vi_ekf_slam::parse(argc, argv);
+    if (options.output.empty()) {
+      const char* folder = std::getenv("TMPDIR");
+      options.output = std::string(folder != nullptr ? folder : "/tmp") + "/vi_ekf_slam_soak";
+    }
+    return vi_ekf_slam::Soak(options).run() ? 0 : 1;
+  } catch (const std::exception& e) {
+    std::cerr << e.what() << std::endl;
+    return 1;
+  }
+}

@@ -1,0 +1,24 @@
+"""A short soak: an hour and a quarter of sensor time through the node's own way. scripts/soak.sh drives a day."""
+
+import re
+import subprocess
+
+from conftest import program
+
+
+def test_memory_does_not_grow_and_no_pose_is_missing(tmp_path):
+    frames = 45000
+    done = subprocess.run([program("soak"), "--frames", str(frames), "--features", "25", "--output", str(tmp_path)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=300)
+    assert done.returncode == 0, done.stdout
+    assert "%d frames in" % frames in done.stdout and done.stdout.rstrip().endswith("0 problems"), done.stdout
+    growth = float(re.search(r"([+-][\d.]+) % since the first hour", done.stdout).group(1))
+    assert growth < 5.0
+    assert sum(1 for _ in open(str(tmp_path / "trajectory.tum"))) == frames
+
+
+def test_says_what_it_does_not_understand():
+    done = subprocess.run([program("soak"), "--frames", "0"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          universal_newlines=True, timeout=60)
+    assert done.returncode == 1
+    assert "--frames is '0', allowed: 1 to" in done.stdout
