@@ -44,6 +44,7 @@ FrameErrors errorsOf(double time, const SE3& truth, const StateEstimate& state, 
   errors.yaw_sigma = std::sqrt(std::max(0.0, state.pose_covariance(5, 5)));
   errors.nis = report.nis;
   errors.nis_dof = report.nis_dof;
+  errors.revisited = report.revisited;
   return errors;
 }
 

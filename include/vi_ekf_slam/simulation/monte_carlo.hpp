@@ -20,6 +20,7 @@ struct FrameErrors {
   double yaw_sigma = 0.0;      ///< rad, published standard deviation of the global yaw
   double nis = 0.0;
   std::size_t nis_dof = 0;
+  std::size_t revisited = 0; ///< landmarks found to be ones that were seen before
 };
 
 /// One drive through the estimator.
