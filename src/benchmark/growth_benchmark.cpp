@@ -21,7 +21,7 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr std::size_t kLife = 50; // frames that a landmark is in view
+constexpr std::size_t kLife = 12; // frames that a landmark is in view, as in the median of the real drives
 // Frames times landmarks in view: all landmarks in view change at least three times, and the deferred steps
 // of that many frames are composed at least twice.
 constexpr std::size_t kSightings = 60000;

@@ -82,6 +82,7 @@ void readMap(YamlSection section, MapConfig& map) {
       "keep", {{"none", MapKeep::kNone}, {"good", MapKeep::kGood}, {"all", MapKeep::kAll}}, map.keep);
   section.read("min_observations", Range::closed(1.0, 1e6), map.min_observations);
   section.read("max_landmarks", Range::closed(0.0, 20000.0), map.max_landmarks);
+  section.read("deferred_mb", Range::closed(16.0, 1e6), map.deferred_mb);
   section.read("recognise_places", map.recognise_places);
   section.finish();
 }

@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::size_t kChunkSteps = 64;
 constexpr std::size_t kChunksAtOnce = 8; // that are composed into one stretch
-constexpr std::size_t kMaxJournalBytes = 512u << 20;
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
 
@@ -47,7 +46,7 @@ void InactiveMap::record(DeferredStep step, Eigen::Index size) {
   open_.steps.push_back(std::move(step));
   if (open_.steps.size() < kChunkSteps) return;
   closeChunk();
-  while (journal_bytes_ > kMaxJournalBytes && !journal_.empty()) compose();
+  while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) compose();
 }
 
 void InactiveMap::closeChunk() {

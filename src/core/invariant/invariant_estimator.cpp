@@ -35,7 +35,7 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
 
 State InvariantEstimator::initialState(const InvariantConfig& config) {
   return State({Vector6d::Constant(kPosePriorSigma), config.prior_twist_sigma, config.prior_bias_sigma},
-               config.map.keep != MapKeep::kNone);
+               config.map.keep != MapKeep::kNone, config.map.deferred_mb << 20);
 }
 
 void InvariantEstimator::setRig(const StereoRig& rig) {

@@ -17,9 +17,9 @@ using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 
 } // namespace
 
-State::State(const Prior& prior, bool keeps_inactive)
+State::State(const Prior& prior, bool keeps_inactive, std::size_t deferred_bytes)
     : covariance_(Eigen::MatrixXd::Zero(kLandmarks + 300, kLandmarks + 300)) {
-  if (keeps_inactive) inactive_.emplace();
+  if (keeps_inactive) inactive_.emplace(deferred_bytes);
   auto variances = covariance_.diagonal();
   variances.segment<6>(kPosition) = prior.pose_sigma.cwiseAbs2();
   variances.segment<6>(kTwist) = prior.twist_sigma.cwiseAbs2();

@@ -26,6 +26,9 @@ class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
+  /// Steps that together need more memory than this are composed into one.
+  explicit InactiveMap(std::size_t most_journal_bytes) : most_journal_bytes_(most_journal_bytes) {}
+
   std::size_t size() const { return ids_.size(); }
   bool contains(FeatureId id) const { return ids_.count(id) != 0; }
   /// How many landmarks have left the active state since this one did. Throws std::out_of_range where `id` is not held.
@@ -127,6 +130,7 @@ class InactiveMap {
   Chunk open_;
   std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
+  std::size_t most_journal_bytes_;
   std::size_t journal_bytes_ = 0;
   double journal_cost_ = 0.0; // of composing it, operations
 };

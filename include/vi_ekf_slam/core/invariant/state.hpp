@@ -73,7 +73,8 @@ struct ProcessNoise {
 /// Landmarks out of view can stay in the joint covariance as inactive ones (see InactiveMap).
 class State {
  public:
-  explicit State(const Prior& prior, bool keeps_inactive = false);
+  /// `deferred_bytes` as InactiveMap has it.
+  explicit State(const Prior& prior, bool keeps_inactive = false, std::size_t deferred_bytes = std::size_t{1} << 30);
 
   const SE3& pose() const { return pose_; }
   const Vector6d& twist() const { return twist_; }
