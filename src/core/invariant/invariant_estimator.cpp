@@ -163,7 +163,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     }
   }
   keepSound(true);
-  if (report.place_recognised) rotation_variance_.setZero();
+  if (report.revisited > 0 || report.place_recognised) rotation_variance_.setZero();
   keepRotationVariance();
   report.divergence = std::exchange(divergence_, Divergence::kNone);
   distance_ = angle_ = 0.0;
@@ -188,11 +188,6 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
 /// it. A landmark or a place that was seen before does tell.
 void InvariantEstimator::keepRotationVariance() {
   const Eigen::Vector3d now = poseCovariance().diagonal().tail<3>();
-  const auto& landmarks = state_.landmarks();
-  if (std::any_of(landmarks.begin(), landmarks.end(), [](const Landmark& l) { return l.anchored; })) {
-    rotation_variance_ = now;
-    return;
-  }
   // A hair more, so that rounding does not let it fall either.
   const Eigen::Vector3d missing = ((1.0 + 1e-12) * rotation_variance_ - now).cwiseMax(0.0);
   drift_.turn(state_.pose().translation(), missing);

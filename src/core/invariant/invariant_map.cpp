@@ -81,6 +81,7 @@ void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vecto
     if (recalled == recalled_.end()) continue;
     if (keep[i]) {
       ++report.revisited;
+      state_.release(i);
       recalled_.erase(recalled);
       continue;
     }
@@ -150,7 +151,6 @@ void InvariantEstimator::revisit(FrameReport& report) {
   for (std::size_t i = twins.size(); i-- > 0;) {
     if (fusion.fused[i]) {
       state_.addObservations(twins[i].now, state_.landmarks()[twins[i].before].observations);
-      state_.anchor(twins[i].now);
       state_.removeLandmark(twins[i].before);
       ++report.revisited;
     } else {

@@ -45,7 +45,7 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   }
   if (before.size() < kLeastBefore) return;
   for (const Landmark& l : state_.landmarks()) {
-    if (l.observations >= kTellingObservations && !l.anchored && (l.position - about).norm() < kRadius)
+    if (l.observations >= kTellingObservations && (l.position - about).norm() < kRadius)
       now.push_back({l.id, l.position});
   }
   const auto recognition = PlaceRecogniser().recognise(now, before, about, covariance);

@@ -7,8 +7,11 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr double kGate = 11.345;    // chi-square, 3 degrees of freedom, 99 %
-constexpr double kJointGate = 2.0;  // of the joint chi-square, per degree of freedom
+constexpr double kGate = 11.345; // chi-square, 3 degrees of freedom, 99 %
+// Wider, since what the twins have in common is an error of the way since, which is not quite normal; that they agree
+// is what speaks for them.
+constexpr double kCommonGate = 4.0 * kGate;
+constexpr double kJointGate = 5.0; // of the joint chi-square, per degree of freedom
 
 Eigen::Index rowOf(std::size_t twin) { return 3 * static_cast<Eigen::Index>(twin); }
 
@@ -18,7 +21,7 @@ std::vector<bool> agreeing(const Eigen::MatrixXd& S, const Eigen::VectorXd& inno
   const Eigen::LLT<Eigen::Matrix3d> own(S.block<3, 3>(column, column));
   const Eigen::Vector3d weighted = own.solve(innovation.segment<3>(column));
   std::vector<bool> agrees(static_cast<std::size_t>(S.rows() / 3), false);
-  if (!(innovation.segment<3>(column).dot(weighted) < kGate)) return agrees;
+  if (!(innovation.segment<3>(column).dot(weighted) < kCommonGate)) return agrees;
   for (std::size_t j = 0; j < agrees.size(); ++j) {
     const Eigen::Index row = rowOf(j);
     const Eigen::Matrix3d cross = S.block<3, 3>(row, column);

@@ -129,8 +129,8 @@ class State {
   void loosen(const Matrix6d& noise);
 
   void addObservations(std::size_t index, std::size_t count) { landmarks_[index].observations += count; }
-  /// See Landmark::anchored.
-  void anchor(std::size_t index) { landmarks_[index].anchored = true; }
+  /// The landmark is tracked from now on, so that it drifts with what is in view. See Landmark::anchored.
+  void release(std::size_t index) { landmarks_[index].anchored = false; }
 
   /// Makes three consecutive rows of twist or bias, from `row` on, unknown again: no correlation, the given
   /// sigma.
