@@ -52,7 +52,8 @@ for name in "$@"; do
   fi
   mkdir -p "$found"
   say "fuzzing $name"
-  if "$folder/devel/lib/vi_ekf_slam/${name}_fuzzer" "${options[@]}" "$found" "$corpus/$name" >"$folder/$name.log" 2>&1; then
+  # A sourced setup.bash would give it the libraries of another build.
+  if env -u LD_LIBRARY_PATH "$folder/devel/lib/vi_ekf_slam/${name}_fuzzer" "${options[@]}" "$found" "$corpus/$name" >"$folder/$name.log" 2>&1; then
     printf '%s: %s inputs, coverage %s, peak %s MB, nothing broken\n' "$name" \
       "$(sed -n 's/^stat::number_of_executed_units: *//p' "$folder/$name.log")" \
       "$(grep -o 'cov: [0-9]*' "$folder/$name.log" | tail -n 1 | cut -d' ' -f2)" \

@@ -42,7 +42,7 @@ run_gtests() {
   for name in $(gtests_of "$folder"); do
     log="$folder/$name.log"
     start=$SECONDS
-    if "$folder/devel/lib/vi_ekf_slam/$name" ${FILTER:+--gtest_filter="$FILTER"} >"$log" 2>&1; then
+    if env -u LD_LIBRARY_PATH "$folder/devel/lib/vi_ekf_slam/$name" ${FILTER:+--gtest_filter="$FILTER"} >"$log" 2>&1; then
       printf '%s: %s: %s, nothing reported, %d s\n' "$kind" "$name" "$(grep -o '[0-9]* tests\? from .* ran' "$log")" \
         $((SECONDS - start))
     else

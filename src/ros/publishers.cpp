@@ -92,6 +92,12 @@ void Publishers::publishAll() {
   sendMap();
 }
 
+void Publishers::publishUnsent() {
+  for (PathOutput* path : {&path_, &dead_reckoning_path_}) {
+    if (path->changed && last_stamp_) sendPath(*path);
+  }
+}
+
 void Publishers::serveNewListeners() {
   if (listener_came_.exchange(false)) publishAll();
 }

@@ -13,6 +13,7 @@ namespace {
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
+constexpr int kPause = 4;             // such waits in vain, after which paths are sent whole
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
 /// Absolute, with a leading ~ replaced by the home directory.
@@ -143,9 +144,12 @@ void SlamNode::advertiseServices() {
 
 void SlamNode::work() {
   try {
+    int idle = 0;
     while (!abandon_) {
       auto item = queue_.pop(kIdlePeriod);
+      idle = item ? 0 : idle + 1;
       if (item) process(*item);
+      if (idle == kPause) publishers_.publishUnsent();
       if (!item && queue_.closed()) return;
       publishers_.serveNewListeners();
       checkHealth();

@@ -30,6 +30,8 @@ class Publishers {
   void publish(const Output& output, bool is_frame, const std::string& imu_frame);
   /// Paths and map as they are now, whatever was sent before.
   void publishAll();
+  /// What was held back of the paths for the bandwidth's sake, when nothing more seems to come.
+  void publishUnsent();
   /// Sends paths and map to listeners that have come since the last call.
   void serveNewListeners();
   /// s of sensor time between two paths and two maps, byte/s of each topic.
