@@ -163,7 +163,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     }
   }
   keepSound(true);
-  if (report.revisited > 0 || report.place_recognised) rotation_variance_.setZero();
+  if (std::exchange(loop_closed_, false) || report.place_recognised) rotation_variance_.setZero();
   keepRotationVariance();
   report.divergence = std::exchange(divergence_, Divergence::kNone);
   distance_ = angle_ = 0.0;

@@ -17,6 +17,7 @@ constexpr std::size_t kTellingObservations = 3;  // before a landmark is compare
 // Twins must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
 constexpr double kMostSaved = 100.0; // frames
+constexpr std::size_t kViewsLongAgo = 5; // changes of the view, not a frame that was lost
 constexpr double kSamePoint = 1e-3;  // m, how far apart a landmark may be from itself: rounding
 // Landmarks of the map that are made active because they should come into view.
 constexpr std::size_t kMostRecalled = 60;
@@ -81,6 +82,7 @@ void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vecto
     if (recalled == recalled_.end()) continue;
     if (keep[i]) {
       ++report.revisited;
+      loop_closed_ = true;
       state_.release(i);
       recalled_.erase(recalled);
       continue;
@@ -132,6 +134,9 @@ void InvariantEstimator::revisit(FrameReport& report) {
   std::unordered_map<FeatureId, std::size_t> now;
   for (std::size_t i = 0; i < state_.landmarks().size(); ++i) now[state_.landmarks()[i].id] = i;
   const std::size_t first = state_.landmarks().size();
+  const bool long_ago = std::any_of(ids.begin(), ids.end(), [&](FeatureId id) {
+    return state_.inactive().departuresSince(id) > kViewsLongAgo * first;
+  });
   std::vector<Twin> twins;
   for (std::size_t i = 0; i < ids.size(); ++i) twins.push_back({now.at(ids[i]), first + i});
   for (const FeatureId id : soonInView()) {
@@ -140,6 +145,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
   state_.activateLandmarks(ids);
   const TwinFusion fusion = fuseTwins(state_, twins, kLeastTwins, kSamePoint);
   const bool recognised = fusion.dof > 0;
+  if (recognised && long_ago) loop_closed_ = true;
   for (std::size_t i = ids.size(); i-- > twins.size();) {
     if (recognised) {
       recalled_[ids[i]] = kRecallFrames;

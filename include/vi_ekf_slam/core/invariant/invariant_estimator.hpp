@@ -105,6 +105,7 @@ class InvariantEstimator : public Estimator {
   std::unordered_map<FeatureId, int> recalled_; ///< expected back in view, and for how many frames more
   std::unordered_set<FeatureId> disputed_;      ///< in view, and not where they were seen before
   double settling_allowance_ = 0.0;             ///< operations, see revisit
+  bool loop_closed_ = false;                    ///< by this frame, with what was seen long ago
   int frames_until_recognition_ = 0;            ///< see recognisePlace
 };
 
