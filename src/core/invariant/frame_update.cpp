@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
 #include "vi_ekf_slam/core/invariant/consensus.hpp"
 #include "vi_ekf_slam/core/invariant/twist_update.hpp"
 
@@ -19,23 +20,13 @@ std::size_t countUsed(const FrameOutcome& outcome) {
 /// The correction by the chosen observations alone, from P H^T and S of all of them. At least one is chosen.
 Correction correctionBy(const std::vector<Observation>& observations, const std::vector<bool>& chosen,
                         Eigen::MatrixXd PHt, Eigen::MatrixXd S) {
-  // The chosen ones move to the front.
-  Eigen::Index rows = 0;
+  Eigen::VectorXd innovation = stackInnovations(observations);
+  keepChosen(chosen, PHt, S, innovation);
   std::vector<Observation> used;
   for (std::size_t i = 0; i < observations.size(); ++i) {
-    if (!chosen[i]) continue;
-    const auto from = 3 * static_cast<Eigen::Index>(i);
-    used.push_back(observations[i]);
-    if (from != rows) {
-      PHt.middleCols<3>(rows) = PHt.middleCols<3>(from);
-      S.middleCols<3>(rows) = S.middleCols<3>(from);
-      S.middleRows<3>(rows) = S.middleRows<3>(from);
-    }
-    rows += 3;
+    if (chosen[i]) used.push_back(observations[i]);
   }
-  PHt.conservativeResize(Eigen::NoChange, rows);
-  return Correction(std::move(PHt), S.topLeftCorner(rows, rows), stackInnovations(used),
-                    measurementMatrix(used));
+  return Correction(std::move(PHt), S, innovation, measurementMatrix(used));
 }
 
 } // namespace

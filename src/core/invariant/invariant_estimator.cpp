@@ -224,8 +224,7 @@ std::vector<Observation> InvariantEstimator::match(const StereoFrame& frame,
                                                    const std::vector<std::size_t>& usable,
                                                    std::vector<std::size_t>& unknown,
                                                    std::vector<bool>& seen) const {
-  std::unordered_map<FeatureId, std::size_t> landmark_of_id;
-  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) landmark_of_id[state_.landmarks()[i].id] = i;
+  const std::unordered_map<FeatureId, std::size_t> landmark_of_id = state_.indexById();
   seen.assign(state_.landmarks().size(), false);
   std::vector<Observation> observations;
   for (const std::size_t feature : usable) {

@@ -131,8 +131,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
   }
   if (ids.size() < kLeastTwins || settling_allowance_ < cost) return;
   settling_allowance_ -= cost;
-  std::unordered_map<FeatureId, std::size_t> now;
-  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) now[state_.landmarks()[i].id] = i;
+  const std::unordered_map<FeatureId, std::size_t> now = state_.indexById();
   const std::size_t first = state_.landmarks().size();
   const bool long_ago = std::any_of(ids.begin(), ids.end(), [&](FeatureId id) {
     return state_.inactive().departuresSince(id) > kViewsLongAgo * first;

@@ -1,6 +1,6 @@
 // How InvariantEstimator closes loops where ids do not return.
 
-#include <algorithm>
+#include <cmath>
 #include <unordered_map>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
@@ -59,8 +59,7 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   }
   const std::size_t first = state_.landmarks().size();
   state_.activateLandmarks(ids);
-  std::unordered_map<FeatureId, std::size_t> index;
-  for (std::size_t i = state_.landmarks().size(); i-- > 0;) index[state_.landmarks()[i].id] = i;
+  const std::unordered_map<FeatureId, std::size_t> index = state_.indexById();
   std::vector<Twin> twins;
   for (const auto& [seen_now, seen_before] : recognition->matches)
     twins.push_back({index.at(seen_now), index.at(seen_before)});

@@ -211,6 +211,12 @@ void State::dropLandmark(std::size_t index) {
   landmarks_.pop_back();
 }
 
+std::unordered_map<FeatureId, std::size_t> State::indexById() const {
+  std::unordered_map<FeatureId, std::size_t> index;
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) index.emplace(landmarks_[i].id, i);
+  return index;
+}
+
 void State::forget(Eigen::Index row, const Eigen::Vector3d& sigma) {
   covariance_.block(row, 0, 3, size()).setZero();
   covariance_.block(0, row, size(), 3).setZero();

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
+
 namespace vi_ekf_slam::invariant {
 namespace {
 
@@ -67,23 +69,16 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
   }
   if (most == 0 || static_cast<std::size_t>(most) < least) return result;
 
-  // The chosen ones move to the front.
   SparseRows H(3 * most);
   Eigen::Index row = 0;
   for (std::size_t i = 0; i < twins.size(); ++i) {
     if (!best[i]) continue;
     H.add(row, State::offsetOf(twins[i].now), Eigen::Matrix3d::Identity());
     H.add(row, State::offsetOf(twins[i].before), -Eigen::Matrix3d::Identity());
-    const Eigen::Index from = rowOf(i);
-    if (from != row) {
-      innovation.segment<3>(row) = innovation.segment<3>(from);
-      PHt.middleCols<3>(row) = PHt.middleCols<3>(from);
-      S.middleCols<3>(row) = S.middleCols<3>(from);
-      S.middleRows<3>(row) = S.middleRows<3>(from);
-    }
     row += 3;
   }
-  Correction correction(PHt.leftCols(row), S.topLeftCorner(row, row), innovation.head(row), std::move(H));
+  keepChosen(best, PHt, S, innovation);
+  Correction correction(std::move(PHt), S, innovation, std::move(H));
   if (!correction.isValid() || !(correction.nis() <= kJointGate * 3.0 * static_cast<double>(most))) return result;
   result.nis = correction.nis();
   // Straight coordinates: a correction that moves all rigidly must not bend what lies before the camera.

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <optional>
+#include <unordered_map>
 #include <vector>
 
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
@@ -80,6 +81,8 @@ class State {
   const Vector6d& twist() const { return twist_; }
   const Vector6d& bias() const { return bias_; }
   const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  /// Where each landmark is in landmarks(), by id; the first one of those that share an id.
+  std::unordered_map<FeatureId, std::size_t> indexById() const;
   Eigen::Index size() const { return offsetOf(landmarks_.size()); }
   static Eigen::Index offsetOf(std::size_t landmark) {
     return kLandmarks + 3 * static_cast<Eigen::Index>(landmark);
