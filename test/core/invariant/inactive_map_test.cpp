@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
 
 #include <Eigen/Cholesky>
+#include <optional>
 #include <set>
 
 #include "dense_joint.hpp"
@@ -19,7 +20,8 @@ double worstCorrelationError(const Eigen::MatrixXd& actual, const Eigen::MatrixX
 /// A random drive, done by State and by DenseJoint alike.
 class Twins {
  public:
-  explicit Twins(unsigned seed) : random_(seed), state_(kPrior, true), dense_(state_) {
+  explicit Twins(unsigned seed, std::size_t deferred_bytes = std::size_t{1} << 30)
+      : random_(seed), state_(kPrior, true, deferred_bytes), dense_(state_) {
     startMoving();
     for (int i = 0; i < 6; ++i) addLandmark();
   }
@@ -118,13 +120,14 @@ class Twins {
     return found;
   }
 
-  void apply(const Eigen::MatrixXd& H, const SparseRows& rows, const Eigen::MatrixXd& R, const SE3* camera) {
+  void apply(const Eigen::MatrixXd& H, const SparseRows& rows, const Eigen::MatrixXd& R, const SE3* camera,
+             const std::optional<Eigen::Matrix3d>& noise = {}) {
     const Update update = updateOf(state_, H, R);
     const Eigen::MatrixXd L = update.S.llt().matrixL();
     const Eigen::VectorXd innovation = 0.5 * L * randomMatrix(random_, H.rows(), 1);
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(H.rows(), dense_.P.rows());
     all.leftCols(H.cols()) = H;
-    ASSERT_TRUE(state_.apply(Correction(update.PHt, update.S, innovation, rows), camera));
+    ASSERT_TRUE(state_.apply(Correction(update.PHt, update.S, innovation, rows, noise), camera));
     dense_.update(all, R, innovation, camera);
   }
 
@@ -163,8 +166,12 @@ class Twins {
       rows.add(row, State::offsetOf(seen[i]), J);
       rows.add(row, kPosition, -J);
     }
-    apply(H, rows, 0.01 * Eigen::MatrixXd::Identity(count, count),
-          random_.uniform(0.0, 1.0) < 0.7 ? &rig_.cam_T_imu : nullptr);
+    const Eigen::Vector3d noise(0.01, 0.005, 0.01);
+    Eigen::MatrixXd R = Eigen::MatrixXd::Zero(count, count);
+    R.diagonal() = noise.replicate(count / 3, 1);
+    std::optional<Eigen::Matrix3d> told;
+    if (random_.uniform(0.0, 1.0) < 0.7) told = noise.asDiagonal();
+    apply(H, rows, R, random_.uniform(0.0, 1.0) < 0.7 ? &rig_.cam_T_imu : nullptr, told);
   }
 
   void addLandmark() {
@@ -217,6 +224,30 @@ TEST(InactiveMap, EqualsTheDenseJointFilterAfterALongDeferral) {
   twins.activateSome(10);
   for (int frame = 0; frame < 3; ++frame) twins.step();
   twins.expectEqual();
+}
+
+TEST(InactiveMap, EqualsTheDenseJointFilterWhereTheJournalIsComposedAgainAndAgain) {
+  Twins twins(10, 1);
+  for (int frame = 1; frame <= 120; ++frame) {
+    twins.step();
+    if (frame % 15 == 0) twins.marginaliseOldest(11);
+    if (frame == 70) twins.activateSome(3);
+    if (frame % 30 != 0) continue;
+    twins.expectEstimates(InactiveMap::Covariances::kExact);
+    twins.expectEstimates(InactiveMap::Covariances::kLastSettled);
+    twins.expectEqual();
+  }
+}
+
+TEST(InactiveMap, HasLessToSettleAndToHoldOnceTheJournalIsComposed) {
+  Twins composed(11, 1), deferred(11);
+  for (int frame = 1; frame <= 60; ++frame) {
+    composed.step();
+    deferred.step();
+  }
+  const InactiveMap &one = composed.state().inactive(), &other = deferred.state().inactive();
+  EXPECT_LT(one.settlingCost(composed.state().size()), other.settlingCost(deferred.state().size()));
+  EXPECT_LT(one.bytes(), other.bytes());
 }
 
 TEST(InactiveMap, StaysExactForTheRestWhenTheOldestAreMarginalised) {
