@@ -12,19 +12,10 @@ from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
 import drive_data
+from waiting import wait_for
 
 LENGTH = 2.0  # s of the drives
 MAX_JUMP_BACK = 1.0  # s, the configuration's
-
-
-def wait_for(condition, seconds=15.0):
-    """Whether `condition()` came true in time (wall time)."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 class DrivePlayer(unittest.TestCase):

@@ -15,6 +15,7 @@ import rostest
 from nav_msgs.msg import Odometry
 
 import drive_data
+from waiting import wait_for
 
 START = 1000.0
 
@@ -45,11 +46,8 @@ class Ending(unittest.TestCase):
         return node
 
     def wait_for(self, condition, seconds=20.0):
-        """Until `condition()` (wall time)."""
-        end = time.monotonic() + seconds
-        while not condition():
-            self.assertLess(time.monotonic(), end, "in vain")
-            time.sleep(0.02)
+        """Until `condition()`."""
+        self.assertTrue(wait_for(condition, seconds), "in vain")
 
     def play(self, begin, end):
         """Publishes what lies between two times (s) of the drive."""

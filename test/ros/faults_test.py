@@ -10,7 +10,8 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 import drive_data
-from drive_player import LENGTH, DrivePlayer, wait_for
+from drive_player import LENGTH, DrivePlayer
+from waiting import wait_for
 from vi_ekf_slam.msg import StereoFeature
 
 NAN, INF = float("nan"), float("inf")

@@ -20,18 +20,9 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 import drive_data
+from waiting import wait_for
 
 START = 1000.0
-
-
-def wait_for(condition, seconds=20.0):
-    """Whether `condition()` came true in time (wall time)."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False
 
 
 def matrix(translation, rotation):

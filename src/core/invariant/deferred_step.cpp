@@ -6,7 +6,8 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-std::size_t bytes(const Eigen::MatrixXd& matrix) {
+template <class Matrix>
+std::size_t bytes(const Matrix& matrix) {
   return static_cast<std::size_t>(matrix.size()) * sizeof(double);
 }
 
@@ -14,7 +15,7 @@ std::size_t heapOf(const Propagation& step) {
   return static_cast<std::size_t>(step.G.size()) * sizeof(double);
 }
 std::size_t heapOf(const KalmanUpdate& step) {
-  return bytes(step.K) + bytes(step.S_inverse) + step.H.bytes();
+  return bytes(*step.K) + bytes(step.S_inverse) + step.H.bytes();
 }
 std::size_t heapOf(const Transport& step) { return step.M.size() * sizeof(Eigen::Matrix3d); }
 template <class Small>
@@ -38,7 +39,7 @@ void addInverseS(const KalmanUpdate& step, Eigen::MatrixXd& sum) {
     return;
   }
   Eigen::MatrixXd HK = Eigen::MatrixXd::Zero(sum.rows(), sum.cols());
-  step.H.addProduct(HK, step.K);
+  step.H.addProduct(HK, *step.K);
   for (Eigen::Index i = 0; i < sum.rows(); i += 3) {
     sum.middleRows<3>(i).noalias() -= step.R_inverse * HK.middleRows<3>(i);
     sum.block<3, 3>(i, i) += step.R_inverse;
@@ -67,7 +68,7 @@ void CorrectionSweep::back(const Propagation& step) {
 
 /// F = I - K H, and H^T y is learned.
 void CorrectionSweep::back(const KalmanUpdate& step) {
-  const Eigen::VectorXd weighted = step.y - step.K.transpose() * correction_;
+  const Eigen::VectorXd weighted = step.y - (*step.K).transpose() * correction_;
   step.H.addTransposed(correction_, weighted);
 }
 
@@ -116,9 +117,9 @@ void InformationSweep::back(const Propagation& step) {
 /// F = I - K H, and H^T S^-1 H is learned: information + H^T (K^T information K + S^-1) H less the mixed
 /// terms, all but the first one within the few columns of H.
 void InformationSweep::back(const KalmanUpdate& step) {
-  Eigen::MatrixXd mixed = active() * step.K;
-  Eigen::MatrixXd own = Eigen::MatrixXd::Zero(step.K.cols(), step.K.cols());
-  own.triangularView<Eigen::Lower>() += step.K.transpose() * mixed;
+  Eigen::MatrixXd mixed = active() * *step.K;
+  Eigen::MatrixXd own = Eigen::MatrixXd::Zero(mixed.cols(), mixed.cols());
+  own.triangularView<Eigen::Lower>() += (*step.K).transpose() * mixed;
   addInverseS(step, own);
   mirrorLower(own);
   step.H.addTransposed(mixed, -0.5 * own);
@@ -185,7 +186,7 @@ void ForwardSweep::forward(const Propagation& step) {
 /// With Z = X H^T: X -= Z K^T, and y is learned about by Z S^-1 nu, with Z S^-1 Z^T less of its covariance.
 void ForwardSweep::forward(const KalmanUpdate& step) {
   const Eigen::MatrixXd Z = step.H.timesTransposed(active());
-  active().noalias() -= Z * step.K.transpose();
+  active().noalias() -= Z * (*step.K).transpose();
   const Eigen::MatrixXd weighted = timesInverseS(step, Z, active());
   gram_.topLeftCorner(rows_, rows_).triangularView<Eigen::Lower>() += weighted * Z.transpose();
   learned_.head(rows_).noalias() += Z * step.y;

@@ -14,7 +14,7 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kChunkSteps = 64;
-constexpr std::size_t kChunksAtOnce = 8; // that are composed into one stretch
+constexpr std::size_t kChunksOfStretch = 8; // about
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
 
@@ -27,7 +27,7 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
 double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;
-  const auto n = static_cast<double>(update->K.rows()), r = static_cast<double>(update->K.cols());
+  const auto n = static_cast<double>((*update->K).rows()), r = static_cast<double>((*update->K).cols());
   return 5.0 * n * n * r;
 }
 
@@ -40,6 +40,7 @@ Eigen::Index gainOf(const DeferredStep& step) {
 } // namespace
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
+  if (auto* update = std::get_if<KalmanUpdate>(&step)) update->K = store_.keep(update->K);
   if (open_.steps.empty()) open_.size = size - gainOf(step);
   journal_bytes_ += bytesOf(step);
   journal_cost_ += costOf(step);
@@ -92,9 +93,14 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
   return *settled_;
 }
 
-/// The first chunks of the journal become a stretch.
+/// The first chunks of the journal become a stretch: as many as lets those that leave by the way be about as
+/// many as those that are active, which costs the least.
 void InactiveMap::compose() {
-  const auto end = journal_.begin() + static_cast<std::ptrdiff_t>(std::min(kChunksAtOnce, journal_.size()));
+  const auto before = departures_.empty() ? last_serial_ : departures_.front()->serial - 1;
+  const auto enough = std::find_if(journal_.begin(), journal_.end(), [&](const auto& chunk) {
+    return chunk->last_serial >= before + static_cast<std::uint64_t>(chunk->size / 3);
+  });
+  const auto end = enough == journal_.end() ? enough : std::next(enough);
   const std::uint64_t last = (*std::prev(end))->last_serial;
   const auto stays = std::find_if(departures_.begin(), departures_.end(),
                                   [last](const auto& departure) { return departure->serial > last; });
@@ -244,6 +250,10 @@ void InactiveMap::eraseSettled(std::size_t index) {
   }
   settled.landmarks.pop_back();
   settled.serials.pop_back();
+  // What a return once made large is let go of.
+  if (2 * last > settled.covariance.rows()) return;
+  settled.covariance.conservativeResize(last, last);
+  settled.cross.conservativeResize(settled.rows, last);
 }
 
 std::vector<InactiveLandmark> InactiveMap::marginaliseOldest(std::size_t count, Eigen::Index size) {
@@ -322,7 +332,7 @@ double InactiveMap::settlingCost(Eigen::Index size) const {
   const auto n = static_cast<double>(size);
   const double settled = 3.0 * static_cast<double>(settled_->landmarks.size());
   const double left = 3.0 * static_cast<double>(ids_.size()) - settled;
-  const auto stretches = static_cast<double>(stretches_.size() + journal_.size() / kChunksAtOnce);
+  const auto stretches = static_cast<double>(stretches_.size() + journal_.size() / kChunksOfStretch);
   return journal_cost_ + n * settled * settled + 2.0 * n * (n + settled) * (settled + left) +
          n * left * (n * stretches + left);
 }

@@ -5,6 +5,7 @@
 #include <variant>
 #include <vector>
 
+#include "vi_ekf_slam/core/invariant/kept_matrix.hpp"
 #include "vi_ekf_slam/core/invariant/sparse_rows.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -20,7 +21,7 @@ struct Propagation {
 
 /// Kalman update x -= K H x, for the innovation nu of covariance S.
 struct KalmanUpdate {
-  Eigen::MatrixXd K;
+  KeptMatrix K;
   SparseRows H;
   Eigen::VectorXd y;         ///< S^-1 nu
   Eigen::MatrixXd S_inverse; ///< empty: it is R^-1 (I - H K), for R of equal 3x3 blocks

@@ -18,10 +18,11 @@ struct InactiveLandmark {
   Eigen::Matrix3d covariance;
 };
 
-/// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and at no
-/// cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what the active
-/// state's updates do to them is linear in their covariance with it, so it can wait: the steps are kept in a journal,
-/// which copies share, composed into one where they would fill the memory, and settled when a landmark is wanted back.
+/// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and
+/// at no cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what
+/// the active state's updates do to them is linear in their covariance with it, so it can wait: the steps are
+/// kept in a journal, which copies share, composed into one where they would fill the memory, and settled
+/// when a landmark is wanted back.
 class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
@@ -31,45 +32,46 @@ class InactiveMap {
 
   std::size_t size() const { return ids_.size(); }
   bool contains(FeatureId id) const { return ids_.count(id) != 0; }
-  /// How many landmarks have left the active state since this one did. Throws std::out_of_range where `id` is not held.
+  /// How many landmarks have left the active state since this one did. Throws std::out_of_range where `id` is
+  /// not held.
   std::uint64_t departuresSince(FeatureId id) const { return last_serial_ - ids_.at(id); }
 
   /// The active state moved by `step`, to `size` rows.
   void record(DeferredStep step, Eigen::Index size);
 
-  /// Landmark `landmark`, whose rows begin at `row`, leaves the active state and the last landmark takes its place, so
-  /// that `size` rows are left: `covariance` of its error d, and `cross` (size x 3) of the active errors with d. Its id
-  /// must not be held already.
+  /// Landmark `landmark`, whose rows begin at `row`, leaves the active state and the last landmark takes its
+  /// place, so that `size` rows are left: `covariance` of its error d, and `cross` (size x 3) of the active
+  /// errors with d. Its id must not be held already.
   void add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross, Eigen::Index row,
            Eigen::Index size);
 
-  /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks to
-  /// return. The cost is that of size() updates of the joint covariance.
+  /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks
+  /// to return. The cost is that of size() updates of the joint covariance.
   void settle(Eigen::Index size, std::size_t arrivals);
 
-  /// A landmark of the settled map, and the covariance of its d with the errors d of the landmarks that stay (3 x 3k).
+  /// A landmark of the settled map, and the covariance of its d with the errors d of the landmarks that stay
+  /// (3 x 3k).
   struct Taken {
     InactiveLandmark inactive;
     Columns3 cross; ///< of the active errors with d
     Eigen::Matrix<double, 3, Eigen::Dynamic> others;
   };
-  /// Takes a landmark out. To be called between settle and the next step. Throws std::out_of_range for an id that is
-  /// not held.
+  /// Takes a landmark out. To be called between settle and the next step. Throws std::out_of_range for an id
+  /// that is not held.
   Taken take(FeatureId id);
-  /// Three more rows of the active state, whose covariance with the d of the settled landmarks is `rows` (3 x 3k).
+  /// Three more rows of the active state, whose covariance with the d of the settled landmarks is `rows` (3 x
+  /// 3k).
   void appendActive(const Eigen::Matrix<double, 3, Eigen::Dynamic>& rows);
   /// Covariance of the active errors with the d of the settled landmarks (n x 3k).
-  auto settledCross() const {
-    return settled_->cross.topLeftCorner(settled_->rows, 3 * settledCount());
-  }
+  auto settledCross() const { return settled_->cross.topLeftCorner(settled_->rows, 3 * settledCount()); }
 
   /// Marginalises the `count` landmarks that are longest out of view: the rest stays exact. Returns them as
   /// `estimates` would.
   std::vector<InactiveLandmark> marginaliseOldest(std::size_t count, Eigen::Index size);
 
   enum class Covariances { kLastSettled, kExact };
-  /// All landmarks, at the means of now. Their covariances either exactly, at the cost of going through the journal,
-  /// or as they were when last settled, which is never less.
+  /// All landmarks, at the means of now. Their covariances either exactly, at the cost of going through the
+  /// journal, or as they were when last settled, which is never less.
   std::vector<InactiveLandmark> estimates(Eigen::Index size, Covariances covariances) const;
 
   /// What settle would cost now, in floating-point operations.
@@ -89,12 +91,12 @@ class InactiveMap {
     std::vector<DeferredStep> steps;
     std::uint64_t last_serial = 0; ///< of the departures until its end
   };
-  /// What the steps of some chunks come to, for the landmarks that left before them and for those that left by the way,
-  /// the first one first.
+  /// What the steps of some chunks come to, for the landmarks that left before them and for those that left
+  /// by the way, the first one first.
   struct Stretch {
-    Eigen::MatrixXd F;           ///< the active errors x at its end are F times those at its beginning, and noise
-    Eigen::MatrixXd information; ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
-    Eigen::VectorXd learned;     ///< mean(d) += c^T learned
+    Eigen::MatrixXd F; ///< the active errors x at its end are F times those at its beginning, and noise
+    Eigen::MatrixXd information;     ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
+    Eigen::VectorXd learned;         ///< mean(d) += c^T learned
     std::vector<Landmark> landmarks; ///< that left, as they are at its end
     std::vector<std::uint64_t> serials;
     Eigen::MatrixXd covariance; ///< of their d at its end
@@ -123,11 +125,13 @@ class InactiveMap {
   void compose();
   void eraseSettled(std::size_t index);
 
-  std::shared_ptr<Settled> settled_ = std::make_shared<Settled>(); // copied before a change while it is shared
-  std::deque<Composed> stretches_;                                 // first
-  std::deque<std::shared_ptr<const Chunk>> journal_;               // after them
-  std::deque<std::shared_ptr<const Departure>> departures_;        // in the journal; serials are consecutive
+  std::shared_ptr<Settled> settled_ =
+      std::make_shared<Settled>();                          // copied before a change while it is shared
+  std::deque<Composed> stretches_;                          // first
+  std::deque<std::shared_ptr<const Chunk>> journal_;        // after them
+  std::deque<std::shared_ptr<const Departure>> departures_; // in the journal; serials are consecutive
   Chunk open_;
+  MatrixStore store_;                                // of the journal's larger matrices
   std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
   std::size_t most_journal_bytes_;

@@ -39,9 +39,10 @@ class SparseRows {
   }
 
   /// result += H X, for X (n x m).
-  void addProduct(Eigen::MatrixXd& result, const Eigen::MatrixXd& X) const {
+  template <class Other>
+  void addProduct(Eigen::MatrixXd& result, const Eigen::MatrixBase<Other>& X) const {
     for (const Block& b : blocks_)
-      result.middleRows<3>(b.row).noalias() += b.value * X.middleRows<3>(b.column);
+      result.middleRows<3>(b.row).noalias() += b.value * X.template middleRows<3>(b.column);
   }
 
   /// result += H^T X, for X (rows() x m).

@@ -81,7 +81,7 @@ class State {
  public:
   /// `deferred_bytes` as InactiveMap has it.
   explicit State(const Prior& prior, bool keeps_inactive = false,
-                 std::size_t deferred_bytes = std::size_t{1} << 30);
+                 std::size_t deferred_bytes = std::size_t{1} << 31);
 
   const SE3& pose() const { return pose_; }
   const Vector6d& twist() const { return twist_; }

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+
+namespace vi_ekf_slam::invariant {
+
+/// A matrix that does not change any more, which copies share.
+class KeptMatrix {
+ public:
+  KeptMatrix(Eigen::MatrixXd matrix); // NOLINT(google-explicit-constructor): it is one
+
+  Eigen::Map<const Eigen::MatrixXd> operator*() const { return {data_.get(), rows_, cols_}; }
+
+ private:
+  friend class MatrixStore;
+  KeptMatrix(std::shared_ptr<const double> data, Eigen::Index rows, Eigen::Index cols)
+      : data_(std::move(data)), rows_(rows), cols_(cols) {}
+
+  std::shared_ptr<const double> data_;
+  Eigen::Index rows_, cols_;
+};
+
+/// Memory for many matrices that are let go of in about the order in which they came, for hours: in large
+/// pieces, which the system gets back whole, and in huge pages where it has them. Copies fill the same piece,
+/// from any thread.
+class MatrixStore {
+ public:
+  /// The matrix, from now on in here. Throws std::bad_alloc.
+  KeptMatrix keep(const KeptMatrix& matrix);
+
+ private:
+  class Piece;
+
+  std::shared_ptr<Piece> piece_;
+};
+
+} // namespace vi_ekf_slam::invariant
