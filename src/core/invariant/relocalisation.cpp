@@ -2,8 +2,9 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/jump.hpp"
@@ -17,24 +18,38 @@ constexpr std::size_t kLeastPoints = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
 constexpr int kFramesBetween = 5;      // attempts
 constexpr int kFramesBetweenFailures = 50; // of the costly part
-constexpr double kCornerSigma = 0.1;   // m, by which a front end finds a corner elsewhere another time
-constexpr double kAgreement = 13.93;   // chi-square, 3 degrees of freedom, 99.7 %
+constexpr double kCornerSigma = 0.05;  // m, by which a front end finds a corner elsewhere another time
+constexpr double kCompatible = 11.345; // chi-square, 3 degrees of freedom, 99 %
+constexpr double kShare = 0.6;         // of the matches, that must agree
 constexpr double kLeastSpread = 0.5;   // m, of the points beside the line that they are nearest to
 // Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
 constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
 
-/// The covariance (3x3 each) of points beside the motion of all of them as one rigid body, of their joint covariance C
-/// (3n x 3n): with G's columns the six directions of that motion, of (I - G G^+) C (I - G G^+).
-std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C) {
+using Rigid = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+
+Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : points) centre += p / static_cast<double>(points.size());
-  Eigen::MatrixXd G(C.rows(), 6);
+  return centre;
+}
+
+/// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
+Rigid rigidMotions(const std::vector<Eigen::Vector3d>& points) {
+  const Eigen::Vector3d centre = centreOf(points);
+  Rigid G(3 * static_cast<Eigen::Index>(points.size()), 6);
   for (std::size_t i = 0; i < points.size(); ++i)
     G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(), -so3::hat(points[i] - centre);
-  const Eigen::MatrixXd Q =
-      Eigen::HouseholderQR<Eigen::MatrixXd>(G).householderQ() * Eigen::MatrixXd::Identity(C.rows(), 6);
-  C -= (Q * (Q.transpose() * C)).eval();
-  C -= ((C * Q) * Q.transpose()).eval();
+  return G;
+}
+
+/// The covariance (3x3 each) of points beside the motion of all of them as one rigid body, as it is told from those of large
+/// weight, of their joint covariance C (3n x 3n): of (I - G (G^T W G)^-1 G^T W) C (...)^T.
+std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C,
+                                              const Eigen::VectorXd& weights) {
+  const Rigid G = rigidMotions(points), WG = weights.asDiagonal() * G;
+  const Rigid A = Matrix6d(G.transpose() * WG).ldlt().solve(G.transpose()).transpose();
+  C -= (A * (WG.transpose() * C)).eval();
+  C -= ((C * WG) * A.transpose()).eval();
   std::vector<Eigen::Matrix3d> own;
   for (Eigen::Index row = 0; row < C.rows(); row += 3) {
     const Eigen::Matrix3d block = C.block<3, 3>(row, row);
@@ -55,13 +70,106 @@ Eigen::MatrixXd blocksOf(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::
   return C;
 }
 
+/// Landmarks that are here (in this drive's frame) and there (in the map's), with the joint covariance of their errors in
+/// either frame (3n x 3n).
+struct Matches {
+  std::vector<FeatureId> ids;
+  std::vector<Eigen::Vector3d> here, there;
+  Eigen::MatrixXd covariance_here, covariance_there;
+  Eigen::VectorXd weights; ///< 3n, 1/m^2: how well each is known from the vehicle
+
+  void keep(const std::vector<std::size_t>& chosen) {
+    Matches kept;
+    std::vector<Eigen::Index> rows;
+    for (const std::size_t i : chosen) {
+      kept.ids.push_back(ids[i]);
+      kept.here.push_back(here[i]);
+      kept.there.push_back(there[i]);
+      rows.push_back(3 * static_cast<Eigen::Index>(i));
+    }
+    kept.covariance_here = blocksOf(covariance_here, rows);
+    kept.covariance_there = blocksOf(covariance_there, rows);
+    *this = std::move(kept);
+  }
+};
+
+/// The rigid transform there_T_here on which most of them agree, whatever the others are.
+std::optional<SE3> roughAlignment(const Matches& m) {
+  const auto shape_here = shapeCovariances(m.here, m.covariance_here, m.weights);
+  const auto shape_there = shapeCovariances(m.there, m.covariance_there, m.weights);
+  std::vector<Displaced> points;
+  for (std::size_t i = 0; i < m.ids.size(); ++i) {
+    // How the one is turned against the other is not known yet: the largest of its variances in every direction.
+    const double variance = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
+    points.push_back({m.there[i], m.here[i],
+                      shape_there[i] + (variance + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
+  }
+  return commonMotion(points);
+}
+
+/// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the others' transform
+/// is `there_T_here` from then on. With S the covariance of what is left of all, and r = S^-1 innovation, what one of them is
+/// off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
+void keepCompatible(Matches& m, SE3& there_T_here) {
+  while (m.ids.size() >= kLeastPoints) {
+    const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
+    std::vector<Eigen::Vector3d> moved;
+    Eigen::VectorXd innovation(n);
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      moved.push_back(there_T_here * m.here[i]);
+      innovation.segment<3>(3 * static_cast<Eigen::Index>(i)) = m.there[i] - moved[i];
+    }
+    const Eigen::Matrix3d& R = there_T_here.rotation();
+    Eigen::MatrixXd S = m.covariance_there;
+    for (Eigen::Index i = 0; i < n; i += 3) {
+      for (Eigen::Index j = 0; j < n; j += 3)
+        S.block<3, 3>(i, j) += R * m.covariance_here.block<3, 3>(i, j) * R.transpose();
+    }
+    S.diagonal().array() += kCornerSigma * kCornerSigma;
+    const Rigid G = rigidMotions(moved);
+    Vector6d any;
+    any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
+    const Rigid prior = G * any.cwiseAbs2().asDiagonal();
+    S.noalias() += prior * G.transpose();
+    const Eigen::MatrixXd inverse = S.llt().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::VectorXd r = inverse * innovation;
+    std::vector<std::size_t> others;
+    std::size_t worst = 0;
+    double most = 0.0;
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
+      const Eigen::Vector3d own = r.segment<3>(row);
+      const double chi_square = own.dot(inverse.block<3, 3>(row, row).llt().solve(own));
+      if (chi_square > most) {
+        most = chi_square;
+        worst = i;
+      }
+    }
+    const Vector6d motion = prior.transpose() * r; // the transform's error, as the matches have it
+    const Eigen::Vector3d centre = centreOf(moved);
+    const Eigen::Matrix3d turn = so3::Exp(motion.tail<3>());
+    there_T_here = (SE3(turn, centre - turn * centre + motion.head<3>()) * there_T_here).normalized();
+    if (!(most > kCompatible)) return;
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      if (i != worst) others.push_back(i);
+    }
+    m.keep(others);
+  }
+}
+
+/// 3x3 of a landmark's error relative to the body's position, e - xi_p, for the landmark whose rows begin at `row`.
+Eigen::Matrix3d fromBody(const State& state, Eigen::Index row) {
+  const auto P = state.covariance();
+  const Eigen::Matrix3d cross = P.block<3, 3>(row, kPosition);
+  return P.block<3, 3>(row, row) + P.block<3, 3>(kPosition, kPosition) - cross - cross.transpose();
+}
+
 /// Whether the points tell how they are turned: they are not all near one line.
-bool spansAPlane(const std::vector<Displaced>& points) {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const Displaced& p : points) centre += p.expected / static_cast<double>(points.size());
+bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
+  const Eigen::Vector3d centre = centreOf(points);
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Displaced& p : points)
-    scatter += (p.expected - centre) * (p.expected - centre).transpose() / static_cast<double>(points.size());
+  for (const Eigen::Vector3d& p : points)
+    scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastSpread * kLeastSpread;
 }
 
@@ -95,42 +203,34 @@ void InvariantEstimator::relocalise(FrameReport& report) {
 /// do.
 std::vector<FeatureId> InvariantEstimator::agreeingWithMap(SE3& map_T_session) const {
   const SavedMap& map = *loaded_->map;
-  std::vector<FeatureId> ids;
-  std::vector<Eigen::Vector3d> here, there;
+  Matches m;
   std::vector<Eigen::Index> rows_here, rows_there;
-  for (std::size_t i = 0; i < state_.landmarks().size() && ids.size() < kMostPoints; ++i) {
+  for (std::size_t i = 0; i < state_.landmarks().size() && m.ids.size() < kMostPoints; ++i) {
     const Landmark& l = state_.landmarks()[i];
     const auto known = loaded_->index.find(l.id);
     if (l.observations < kTellingObservations || l.anchored || known == loaded_->index.end()) continue;
-    ids.push_back(l.id);
-    here.push_back(l.position);
-    there.push_back(map.landmarks[known->second].position);
+    m.ids.push_back(l.id);
+    m.here.push_back(l.position);
+    m.there.push_back(map.landmarks[known->second].position);
     rows_here.push_back(State::offsetOf(i));
     rows_there.push_back(State::offsetOf(known->second));
   }
-  if (ids.size() < kLeastPoints) return {};
-  const auto shape_here = shapeCovariances(here, blocksOf(state_.covariance(), rows_here));
-  const auto shape_there = shapeCovariances(there, blocksOf(map.covariance, rows_there));
-  std::vector<Displaced> points;
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    // How the one is turned against the other is not known yet: the larger of the other's variances in every direction.
-    const double variance_here = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
-    points.push_back({there[i], here[i],
-                      shape_there[i] +
-                          (variance_here + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
+  const std::size_t matches = m.ids.size();
+  if (matches < kLeastPoints) return {};
+  m.covariance_here = blocksOf(state_.covariance(), rows_here);
+  m.covariance_there = blocksOf(map.covariance, rows_there);
+  m.weights.resize(3 * static_cast<Eigen::Index>(matches));
+  for (std::size_t i = 0; i < matches; ++i) {
+    const double variance = fromBody(state_, rows_here[i]).trace() / 3.0 + kCornerSigma * kCornerSigma;
+    m.weights.segment<3>(3 * static_cast<Eigen::Index>(i)).setConstant(1.0 / variance);
   }
-  const auto motion = commonMotion(points);
+  const auto motion = roughAlignment(m);
   if (!motion) return {};
   map_T_session = *motion;
-  std::vector<FeatureId> agreeing;
-  std::vector<Displaced> chosen;
-  for (std::size_t i = 0; i < ids.size(); ++i) {
-    const Eigen::Vector3d apart = points[i].expected - *motion * points[i].seen;
-    if (!(apart.dot(points[i].covariance.llt().solve(apart)) < kAgreement)) continue;
-    agreeing.push_back(ids[i]);
-    chosen.push_back(points[i]);
-  }
-  return spansAPlane(chosen) ? agreeing : std::vector<FeatureId>();
+  keepCompatible(m, map_T_session);
+  const bool enough = m.ids.size() >= kLeastPoints &&
+                      static_cast<double>(m.ids.size()) >= kShare * static_cast<double>(matches);
+  return enough && spanAPlane(m.there) ? m.ids : std::vector<FeatureId>();
 }
 
 /// Moves the state into the map's frame, as unsure of where it is there as can be, and fuses its landmarks of these ids with
