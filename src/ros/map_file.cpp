@@ -4,6 +4,7 @@
 #include <rosbag/view.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -129,12 +130,12 @@ class Reader {
 };
 
 template <typename Message>
-rosbag::MessageInstance onlyOf(const std::string& path, rosbag::View& view) {
-  if (view.size() != 1) {
-    refuse(path, "topic " + std::string(kStateTopic), std::to_string(view.size()) + " messages",
-           std::string("one message of ") + ros::message_traits::datatype<Message>());
+Message messageOf(const std::string& path, const rosbag::MessageInstance& instance) {
+  if (!instance.isType<Message>()) {
+    refuse(path, "topic " + instance.getTopic(), "of type " + instance.getDataType(),
+           std::string("the type ") + ros::message_traits::datatype<Message>() + " that this program was built with");
   }
-  return *view.begin();
+  return wire::read<Message>(instance);
 }
 
 SavedMap read(const std::string& path) {
@@ -142,8 +143,10 @@ SavedMap read(const std::string& path) {
   openCheckedBag(bag, path);
   rosbag::View states(bag, rosbag::TopicQuery(kStateTopic)), landmarks(bag, rosbag::TopicQuery(kLandmarksTopic));
   Reader reader(path, std::filesystem::file_size(path));
-  reader.read(wire::read<MapState>(onlyOf<MapState>(path, states)));
-  for (const rosbag::MessageInstance& instance : landmarks) reader.read(wire::read<MapLandmark>(instance));
+  if (states.size() != 1)
+    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states.size()) + " messages", "one");
+  reader.read(messageOf<MapState>(path, *states.begin()));
+  for (const rosbag::MessageInstance& instance : landmarks) reader.read(messageOf<MapLandmark>(path, instance));
   return reader.finish();
 }
 
