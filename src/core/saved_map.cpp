@@ -10,9 +10,9 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kFarthest = 1e7;          // m, of a pose or landmark from the map's origin
+constexpr double kFarthest = 1e6;          // m, of a pose or landmark from the map's origin
 constexpr double kFastest = 1e3;           // m/s or rad/s, of a twist or bias
-constexpr double kLargestVariance = 1e14;  // m^2, rad^2, ...: as far again
+constexpr double kLargestVariance = 1e8;   // m^2, rad^2, ...: beyond it rounding alone is centimetres
 constexpr double kRotationRounding = 1e-6; // largest element of R^T R - I
 constexpr double kLatest = 4294967294.0;   // s, what a message's stamp can hold
 constexpr double kSymmetry = 1e-9;         // of the standard deviations of row and column

@@ -44,7 +44,7 @@ TEST(SavedMap, WhatIsWrongIsNamedWithItsValueAndWhatIsAllowed) {
       {[](SavedMap& m) { m.twist[2] = -1e4; }, "twist[2]", "-10000"},
       {[](SavedMap& m) { m.bias[5] = std::numeric_limits<double>::infinity(); }, "bias[5]", "inf"},
       {[](SavedMap& m) { m.landmarks[3].id = 1; }, "landmarks[3].id", "1"},
-      {[](SavedMap& m) { m.landmarks[2].position.z() = 2e7; }, "landmarks[2].position[2]", "20000000"},
+      {[](SavedMap& m) { m.landmarks[2].position.z() = 2e6; }, "landmarks[2].position[2]", "2000000"},
       {[](SavedMap& m) { m.landmarks.pop_back(); }, "covariance", "30 x 30"},
       {[](SavedMap& m) { m.landmarks.resize(kMaxSavedLandmarks + 1); }, "landmarks", "4001"},
       {[](SavedMap& m) { m.covariance(20, 20) = -1e-3; }, "covariance[20][20]", "-0.001"},

@@ -8,6 +8,7 @@
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/jump.hpp"
+#include "vi_ekf_slam/core/invariant/saved_joint.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -237,7 +238,6 @@ std::vector<FeatureId> InvariantEstimator::agreeingWithMap(SE3& map_T_session) c
 /// the map's, which tells. False, and no change, where these contradict the joint covariance. What this drive saw before
 /// stays in the map as estimates without correlation.
 bool InvariantEstimator::moveIntoMap(const SE3& map_T_session, const std::vector<FeatureId>& ids) {
-  const SavedMap& map = *loaded_->map;
   State before = state_;
   const bool loop_closed = loop_closed_;
   auto recalled = std::exchange(recalled_, {});
@@ -253,10 +253,9 @@ bool InvariantEstimator::moveIntoMap(const SE3& map_T_session, const std::vector
   Matrix6d J = Matrix6d::Identity();
   J.topRightCorner<3, 3>() = so3::hat(state_.pose().translation());
   state_.loosen(J * any.cwiseAbs2().asDiagonal() * J.transpose());
-  std::vector<Landmark> landmarks;
-  for (const SavedLandmark& l : map.landmarks) landmarks.push_back({l.id, l.position, l.observations});
-  const Eigen::Index k3 = map.covariance.rows() - kSavedBase;
-  state_.adopt(std::move(landmarks), map.covariance.bottomRightCorner(k3, k3));
+  State::Joint joint = jointOf(*loaded_->map);
+  const Eigen::Index k3 = joint.covariance.rows() - kLandmarks;
+  state_.adopt(std::move(joint.landmarks), joint.covariance.bottomRightCorner(k3, k3));
   if (fuseReturned(ids, kLeastFused) < kLeastFused || !isSound(true)) {
     state_ = std::move(before);
     recalled_ = std::move(recalled);

@@ -1,14 +1,18 @@
 // How InvariantEstimator's estimate goes out as a saved map, and comes back.
 
+#include <algorithm>
 #include <unordered_set>
 #include <utility>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
+#include "vi_ekf_slam/core/invariant/saved_joint.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view, to be worth keeping
+constexpr double kRounding = 1e-12;      // of the largest variance
+constexpr double kLeastVariance = 1e-12; // m^2, rad^2, ...: not zero, so that the covariance stays positive definite
 
 SavedMap savedFrom(State& state, Stamp stamp) {
   std::vector<std::size_t> active;
@@ -30,6 +34,22 @@ SavedMap savedFrom(State& state, Stamp stamp) {
 
 } // namespace
 
+State::Joint jointOf(const SavedMap& map) {
+  State::Joint joint{{}, map.covariance};
+  double farthest2 = map.world_T_imu.translation().squaredNorm();
+  for (const SavedLandmark& l : map.landmarks) {
+    joint.landmarks.push_back({l.id, l.position, l.observations});
+    farthest2 = std::max(farthest2, l.position.squaredNorm());
+  }
+  auto variances = joint.covariance.diagonal();
+  // Errors about the origin: what turns there shifts what is far away.
+  const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(kRotation).maxCoeff();
+  variances.array() += kLeastVariance;
+  variances.segment<3>(kPosition).array() += kRounding * largest;
+  variances.tail(variances.size() - kLandmarks).array() += kRounding * largest;
+  return joint;
+}
+
 /// With the drift that the next frame would account for.
 std::function<SavedMap()> InvariantEstimator::savedMap() const {
   if (!keepsJointMap() || !stamp_) return {};
@@ -48,11 +68,8 @@ void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double 
 void InvariantEstimator::resume(Stamp stamp) {
   const std::shared_ptr<const SavedMap> map = std::exchange(resumed_, nullptr);
   const double gap = secondsBetween(map->stamp, stamp);
-  State::Joint joint{{}, map->covariance};
-  for (const SavedLandmark& l : map->landmarks) joint.landmarks.push_back({l.id, l.position, l.observations});
   State fresh = state_;
-  if (gap >= 0.0 && gap <= max_gap_s_)
-    state_.restore(map->world_T_imu, map->twist, map->bias, std::move(joint));
+  if (gap >= 0.0 && gap <= max_gap_s_) state_.restore(map->world_T_imu, map->twist, map->bias, jointOf(*map));
   if (!(gap >= 0.0 && gap <= max_gap_s_) || !isSound(true)) {
     state_ = std::move(fresh);
     relocaliseIn(map);
