@@ -34,7 +34,8 @@ std::string within(double limit) {
 template <typename Vector>
 void requireWithin(const Vector& v, double limit, const std::string& source, const std::string& field) {
   for (Eigen::Index i = 0; i < v.size(); ++i) {
-    if (!(std::abs(v[i]) <= limit)) refuse(source, field + "[" + std::to_string(i) + "]", text(v[i]), within(limit));
+    if (!(std::abs(v[i]) <= limit))
+      refuse(source, field + "[" + std::to_string(i) + "]", text(v[i]), within(limit));
   }
 }
 
@@ -65,9 +66,11 @@ void validateEntries(const Eigen::MatrixXd& P, const std::string& source) {
     for (Eigen::Index row = column + 1; row < P.rows(); ++row) {
       const double most = sigma[row] * sigma[column];
       if (!(std::abs(P(row, column)) <= (1.0 + kRounding) * most))
-        refuse(source, entry(row, column), text(P(row, column)), "at most " + text(most) + ", as the diagonal has it");
+        refuse(source, entry(row, column), text(P(row, column)),
+               "at most " + text(most) + ", as the diagonal has it");
       if (!(std::abs(P(row, column) - P(column, row)) <= kSymmetry * most))
-        refuse(source, entry(column, row), text(P(column, row)), text(P(row, column)) + ", as symmetry has it");
+        refuse(source, entry(column, row), text(P(column, row)),
+               text(P(row, column)) + ", as symmetry has it");
     }
   }
 }
@@ -78,32 +81,38 @@ void validateDefinite(const Eigen::MatrixXd& P, const std::string& source) {
   Eigen::MatrixXd correlation(P.rows(), P.cols());
   for (Eigen::Index column = 0; column < P.cols(); ++column) {
     const Eigen::Index below = P.rows() - column;
-    correlation.col(column).tail(below) = scale[column] * scale.tail(below).cwiseProduct(P.col(column).tail(below));
+    correlation.col(column).tail(below) =
+        scale[column] * scale.tail(below).cwiseProduct(P.col(column).tail(below));
   }
   correlation.diagonal().setConstant(1.0 + kRounding);
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(correlation);
   if (llt.info() != Eigen::Success)
-    refuse(source, "covariance", "not positive semidefinite", "a covariance: symmetric, positive semidefinite");
+    refuse(source, "covariance", "not positive semidefinite",
+           "a covariance: symmetric, positive semidefinite");
 }
 
 } // namespace
 
-void refuse(const std::string& source, const std::string& field, const std::string& value, const std::string& allowed) {
+void refuse(const std::string& source, const std::string& field, const std::string& value,
+            const std::string& allowed) {
   throw MapError(source + ": " + field + " is " + value + ", allowed: " + allowed);
 }
 
 void validate(const SavedMap& map, const std::string& source) {
   const double seconds = toSeconds(map.stamp);
-  if (!(map.stamp > 0 && seconds < kLatest)) refuse(source, "stamp", text(seconds), "from 1e-9 to " + text(kLatest) + " s");
+  if (!(map.stamp > 0 && seconds < kLatest))
+    refuse(source, "stamp", text(seconds), "from 1e-9 to " + text(kLatest) + " s");
   requireWithin(map.world_T_imu.translation(), kFarthest, source, "pose.position");
-  if (!map.world_T_imu.rotation().allFinite() || !so3::isRotation(map.world_T_imu.rotation(), kRotationRounding))
+  if (!map.world_T_imu.rotation().allFinite() ||
+      !so3::isRotation(map.world_T_imu.rotation(), kRotationRounding))
     refuse(source, "pose.orientation", "no rotation", "a quaternion of norm 1");
   requireWithin(map.twist, kFastest, source, "twist");
   requireWithin(map.bias, kFastest, source, "bias");
   validateLandmarks(map, source);
   const Eigen::Index rows = kSavedBase + 3 * static_cast<Eigen::Index>(map.landmarks.size());
   if (map.covariance.rows() != rows || map.covariance.cols() != rows) {
-    refuse(source, "covariance", std::to_string(map.covariance.rows()) + " x " + std::to_string(map.covariance.cols()),
+    refuse(source, "covariance",
+           std::to_string(map.covariance.rows()) + " x " + std::to_string(map.covariance.cols()),
            std::to_string(rows) + " x " + std::to_string(rows) + " for its landmarks");
   }
   validateEntries(map.covariance, source);

@@ -142,7 +142,9 @@ void SlamSystem::reset(const std::string& reason) {
 
 void SlamSystem::requireJointMap(const std::string& source) const {
   if (estimator_->keepsJointMap()) return;
-  throw MapError(source + ": the configured estimator has no use for a map; estimator: invariant with map.keep: good or all has");
+  throw MapError(
+      source +
+      ": the configured estimator has no use for a map; estimator: invariant with map.keep: good or all has");
 }
 
 void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string& source) {

@@ -136,7 +136,8 @@ void Diagnostics::map(Status& status) {
     case MapUse::kNone:
       return status.summary(DiagnosticStatus::OK, "begun anew, no map loaded");
     case MapUse::kWaiting:
-      return status.summary(DiagnosticStatus::WARN, "map loaded, not yet relocalised: poses are in a frame of their own");
+      return status.summary(DiagnosticStatus::WARN,
+                            "map loaded, not yet relocalised: poses are in a frame of their own");
     case MapUse::kRelocalised:
       return status.summary(DiagnosticStatus::OK, "relocalised in the loaded map");
     case MapUse::kResumed:

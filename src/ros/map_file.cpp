@@ -42,7 +42,8 @@ template <typename Numbers>
 void putRows(const Numbers& numbers, Eigen::Index begin, Eigen::Index end, Eigen::MatrixXd& P) {
   std::size_t at = 0;
   for (Eigen::Index row = begin; row < end; ++row) {
-    for (Eigen::Index column = 0; column <= row; ++column, ++at) P(row, column) = P(column, row) = numbers[at];
+    for (Eigen::Index column = 0; column <= row; ++column, ++at)
+      P(row, column) = P(column, row) = numbers[at];
   }
 }
 
@@ -102,7 +103,8 @@ class Reader {
   void read(const MapLandmark& message) {
     const std::size_t i = map_.landmarks.size();
     const std::string field = "landmarks[" + std::to_string(i) + "]";
-    if (i >= announced_) refuse(path_, field, "there", "the " + std::to_string(announced_) + " that are announced");
+    if (i >= announced_)
+      refuse(path_, field, "there", "the " + std::to_string(announced_) + " that are announced");
     const std::uint64_t expected = numbersAbove(rowOf(i + 1)) - numbersAbove(rowOf(i));
     if (message.covariance.size() != expected) {
       refuse(path_, field + ".covariance", "of " + std::to_string(message.covariance.size()) + " numbers",
@@ -133,7 +135,8 @@ template <typename Message>
 Message messageOf(const std::string& path, const rosbag::MessageInstance& instance) {
   if (!instance.isType<Message>()) {
     refuse(path, "topic " + instance.getTopic(), "of type " + instance.getDataType(),
-           std::string("the type ") + ros::message_traits::datatype<Message>() + " that this program was built with");
+           std::string("the type ") + ros::message_traits::datatype<Message>() +
+               " that this program was built with");
   }
   return wire::read<Message>(instance);
 }
@@ -141,12 +144,15 @@ Message messageOf(const std::string& path, const rosbag::MessageInstance& instan
 SavedMap read(const std::string& path) {
   rosbag::Bag bag;
   openCheckedBag(bag, path);
-  rosbag::View states(bag, rosbag::TopicQuery(kStateTopic)), landmarks(bag, rosbag::TopicQuery(kLandmarksTopic));
+  rosbag::View states(bag, rosbag::TopicQuery(kStateTopic)),
+      landmarks(bag, rosbag::TopicQuery(kLandmarksTopic));
   Reader reader(path, std::filesystem::file_size(path));
   if (states.size() != 1)
-    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states.size()) + " messages", "one");
+    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states.size()) + " messages",
+           "one");
   reader.read(messageOf<MapState>(path, *states.begin()));
-  for (const rosbag::MessageInstance& instance : landmarks) reader.read(messageOf<MapLandmark>(path, instance));
+  for (const rosbag::MessageInstance& instance : landmarks)
+    reader.read(messageOf<MapLandmark>(path, instance));
   return reader.finish();
 }
 

@@ -30,8 +30,8 @@ int firstFree(const fs::path& directory, const char* stem, const char* extension
   return number;
 }
 
-/// Moves what an earlier run left in `directory` into a new folder; its map.bag stays, and is there too. Respawned before it
-/// has left anything, it has left nothing to be moved.
+/// Moves what an earlier run left in `directory` into a new folder; its map.bag stays, and is there too.
+/// Respawned before it has left anything, it has left nothing to be moved.
 void moveEarlierResults(const fs::path& directory) {
   std::vector<fs::path> results;
   for (const char* name : kResults) {
@@ -105,7 +105,8 @@ void MapStore::begin(SlamSystem& system) {
   if (settings_.map_file.empty()) return;
   const auto map = load();
   system.loadMap(map, source());
-  ROS_INFO_STREAM("looking for the place in " << source() << ", with " << map->landmarks.size() << " landmarks");
+  ROS_INFO_STREAM("looking for the place in " << source() << ", with " << map->landmarks.size()
+                                              << " landmarks");
 }
 
 std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator) const {

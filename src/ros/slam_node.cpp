@@ -34,7 +34,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
     // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
-    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume, "diagnostic_period", "tuning"});
+    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                         "diagnostic_period", "tuning"});
   }
   settings.config = parseFullConfig(yaml, settings.source);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
@@ -48,8 +49,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
                       ": autosave_period must be a number of seconds from 0 (never) to 1e6");
   }
   settings.output_dir = absolutePath(settings.output_dir);
-  settings.maps = MapStore::readSettings(
-      private_nh, settings.source, {settings.output_dir, {}, false, settings.config.ros.map_frame});
+  settings.maps = MapStore::readSettings(private_nh, settings.source,
+                                         {settings.output_dir, {}, false, settings.config.ros.map_frame});
   settings.maps.map_file = absolutePath(settings.maps.map_file);
   if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
   return settings;
@@ -214,7 +215,9 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
         << "); it goes on from where it was, without its landmarks and with a larger covariance");
   }
   if (output.report.relocalised) {
-    ROS_INFO_STREAM("relocalised in the loaded map; from now on poses and landmarks are in its frame, and paths start anew");
+    ROS_INFO_STREAM(
+        "relocalised in the loaded map; from now on poses and landmarks are in its frame, and paths start "
+        "anew");
     writer_.restart();
   }
   if (is_frame) {
@@ -281,17 +284,18 @@ std::function<SavedMap()> SlamNode::mapToKeep() const {
 void SlamNode::autosave() {
   if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
   last_autosave_ = WorkQueue::Clock::now();
-  autosave_ = std::async(std::launch::async, [this, writer = writer_, summary = summary(),
-                                              landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
-    const auto start = WorkQueue::Clock::now();
-    try {
-      save(writer, settings_.output_dir, summary, landmarks);
-      if (map) maps_.write(map);
-    } catch (const std::exception& e) {
-      ROS_ERROR_STREAM("not saved: " << e.what());
-    }
-    autosave_cost_s_ = secondsSince(start);
-  });
+  autosave_ =
+      std::async(std::launch::async, [this, writer = writer_, summary = summary(),
+                                      landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
+        const auto start = WorkQueue::Clock::now();
+        try {
+          save(writer, settings_.output_dir, summary, landmarks);
+          if (map) maps_.write(map);
+        } catch (const std::exception& e) {
+          ROS_ERROR_STREAM("not saved: " << e.what());
+        }
+        autosave_cost_s_ = secondsSince(start);
+      });
 }
 
 void SlamNode::stopWork() {
@@ -379,7 +383,9 @@ bool SlamNode::serveSaveMap(std_srvs::Trigger::Request& /*request*/, std_srvs::T
       response);
   if (!response.success) return true;
   if (!map) {
-    response.message += ", but no map.bag: the estimator keeps no joint covariance yet, or is not relocalised in what it loaded";
+    response.message +=
+        ", but no map.bag: the estimator keeps no joint covariance yet, or is not relocalised in what it "
+        "loaded";
     return true;
   }
   try {

@@ -38,9 +38,18 @@ TEST(SavedMap, WhatIsWrongIsNamedWithItsValueAndWhatIsAllowed) {
   const std::vector<Case> cases = {
       {[](SavedMap& m) { m.stamp = 0; }, "stamp", "0"},
       {[](SavedMap& m) { m.stamp = fromSeconds(4.3e9); }, "stamp", "4300000000"},
-      {[](SavedMap& m) { m.world_T_imu = {Eigen::Matrix3d::Identity(), {0.0, kNaN, 0.0}}; }, "pose.position[1]", "nan"},
-      {[](SavedMap& m) { m.world_T_imu = {Eigen::Matrix3d::Identity(), {1e308, 0.0, 0.0}}; }, "pose.position[0]", "1e+308"},
-      {[](SavedMap& m) { m.world_T_imu = {1.1 * Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}}; }, "pose.orientation", "no rotation"},
+      {[](SavedMap& m) {
+         m.world_T_imu = {Eigen::Matrix3d::Identity(), {0.0, kNaN, 0.0}};
+       },
+       "pose.position[1]", "nan"},
+      {[](SavedMap& m) {
+         m.world_T_imu = {Eigen::Matrix3d::Identity(), {1e308, 0.0, 0.0}};
+       },
+       "pose.position[0]", "1e+308"},
+      {[](SavedMap& m) {
+         m.world_T_imu = {1.1 * Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}};
+       },
+       "pose.orientation", "no rotation"},
       {[](SavedMap& m) { m.twist[2] = -1e4; }, "twist[2]", "-10000"},
       {[](SavedMap& m) { m.bias[5] = std::numeric_limits<double>::infinity(); }, "bias[5]", "inf"},
       {[](SavedMap& m) { m.landmarks[3].id = 1; }, "landmarks[3].id", "1"},

@@ -1,5 +1,5 @@
-/// Any bytes as a saved map: refused with a MapError, or used. What begins like a bag is one; other bytes are the numbers of
-/// a map, which reach further.
+/// Any bytes as a saved map: refused with a MapError, or used. What begins like a bag is one; other bytes are
+/// the numbers of a map, which reach further.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -50,7 +50,8 @@ SavedMap chooseMap(FuzzBytes& bytes) {
     map.twist[i] = bytes.number(0.0);
     map.bias[i] = bytes.number(0.0);
   }
-  map.world_T_imu = {there_T_here.rotation(), there_T_here.translation() + Eigen::Vector3d(bytes.number(0.0), 0.0, 0.0)};
+  map.world_T_imu = {there_T_here.rotation(),
+                     there_T_here.translation() + Eigen::Vector3d(bytes.number(0.0), 0.0, 0.0)};
   const std::size_t count = kMapped - bytes.below(kMapped + 1);
   for (FeatureId id = 0; id < count; ++id) {
     Eigen::Vector3d position = there_T_here * pointOf(id);
@@ -62,7 +63,8 @@ SavedMap chooseMap(FuzzBytes& bytes) {
   Eigen::MatrixXd common(rows, 6);
   for (Eigen::Index i = 0; i < common.size(); ++i) common(i) = bytes.small(1.0);
   map.covariance = common * common.transpose();
-  for (Eigen::Index i = 0; i < rows; ++i) map.covariance(i, i) += bytes.number(0.01 * static_cast<double>(bytes.below(100)));
+  for (Eigen::Index i = 0; i < rows; ++i)
+    map.covariance(i, i) += bytes.number(0.01 * static_cast<double>(bytes.below(100)));
   for (std::size_t edits = bytes.below(4); edits > 0; --edits) {
     const Eigen::Index i = bytes.byte() % rows, j = bytes.byte() % rows;
     map.covariance(i, j) = map.covariance(j, i) = bytes.number(bytes.small(1.0));

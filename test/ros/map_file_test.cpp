@@ -87,7 +87,8 @@ class MapFile : public testing::Test {
       const std::string what = e.what();
       EXPECT_EQ(what.rfind(path_ + ": ", 0), 0U) << what;
       EXPECT_EQ(what.find('\n'), std::string::npos) << what;
-      for (const std::string& word : words) EXPECT_NE(what.find(word), std::string::npos) << what << " lacks " << word;
+      for (const std::string& word : words)
+        EXPECT_NE(what.find(word), std::string::npos) << what << " lacks " << word;
     }
   }
 
@@ -111,7 +112,8 @@ TEST_F(MapFile, ReadsBackToTheLastBit) {
       EXPECT_EQ(read.landmarks[i].observations, map.landmarks[i].observations);
     }
   }
-  EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1) << "only the map is left";
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1)
+      << "only the map is left";
 }
 
 TEST_F(MapFile, AMapThatIsNoneIsNotWrittenOverOneThatIs) {
@@ -126,16 +128,18 @@ TEST_F(MapFile, AMapThatIsNoneIsNotWrittenOverOneThatIs) {
     writeMapFile(directory_ + "/nowhere/map.bag", example(), "map");
     ADD_FAILURE() << "written nowhere";
   } catch (const MapError& e) {
-    EXPECT_NE(std::string(e.what()).find("nowhere/map.bag: cannot be written"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("nowhere/map.bag: cannot be written"), std::string::npos)
+        << e.what();
   }
 }
 
 TEST_F(MapFile, WhatIsNoBagIsRefused) {
   expectRefusal({"no such file"});
-  for (const std::string& content :
-       {std::string("\x1f\x8b\x08\0\0\0\0\0\0\x03", 10), std::string("PK\x03\x04" "covariance.npy"),
-        std::string("\x80\x04\x95\x1c\0\0\0\0\0\0\0\x8c\x05posix", 19), std::string("#ROSBAG V1.2\n"),
-        std::string("id,x,y,z\n1,2,3,4\n")}) {
+  for (const std::string& content : {std::string("\x1f\x8b\x08\0\0\0\0\0\0\x03", 10),
+                                     std::string("PK\x03\x04"
+                                                 "covariance.npy"),
+                                     std::string("\x80\x04\x95\x1c\0\0\0\0\0\0\0\x8c\x05posix", 19),
+                                     std::string("#ROSBAG V1.2\n"), std::string("id,x,y,z\n1,2,3,4\n")}) {
     put(content);
     expectRefusal({"is not a bag"});
   }
@@ -166,19 +170,23 @@ TEST_F(MapFile, WhatIsWrongInAMessageIsNamed) {
   const std::vector<Case> cases = {
       {[](MapState& s, Landmarks&) { s.pose.position.x = kNaN; }, {"pose.position[0]", "nan", "allowed"}},
       {[](MapState& s, Landmarks&) { s.pose.orientation.w = kNaN; }, {"pose.orientation", "nan", "norm 1"}},
-      {[](MapState& s, Landmarks&) { s.pose.orientation = geometry_msgs::Quaternion(); }, {"pose.orientation", "0.0"}},
+      {[](MapState& s, Landmarks&) { s.pose.orientation = geometry_msgs::Quaternion(); },
+       {"pose.orientation", "0.0"}},
       {[](MapState& s, Landmarks&) { s.header.stamp = ros::Time(); }, {"stamp", "allowed"}},
       {[](MapState& s, Landmarks&) { s.twist[3] = 1e308; }, {"twist[3]", "1e+308", "allowed"}},
       {[](MapState& s, Landmarks&) { s.covariance[0] = -1.0; }, {"covariance[0][0]", "-1", "allowed"}},
-      {[](MapState& s, Landmarks&) { s.landmarks = 4000000000U; }, {"landmarks", "4000000000", "at most 4000"}},
+      {[](MapState& s, Landmarks&) { s.landmarks = 4000000000U; },
+       {"landmarks", "4000000000", "at most 4000"}},
       {[](MapState& s, Landmarks&) { s.landmarks = 4000; }, {"landmarks", "4000", "bytes"}},
       {[](MapState& s, Landmarks&) { s.landmarks = 6; }, {"5 messages", "6"}},
       {[](MapState& s, Landmarks&) { s.landmarks = 4; }, {"landmarks[4]", "the 4"}},
       {[](MapState&, Landmarks& l) { l[1].id = l[3].id; }, {"landmarks[3].id", "every id once"}},
       {[](MapState&, Landmarks& l) { l[2].position.y = -1e308; }, {"landmarks[2].position[1]", "-1e+308"}},
-      {[](MapState&, Landmarks& l) { std::swap(l[1], l[2]); }, {"landmarks[1].covariance", "78 numbers", "69 numbers"}},
+      {[](MapState&, Landmarks& l) { std::swap(l[1], l[2]); },
+       {"landmarks[1].covariance", "78 numbers", "69 numbers"}},
       {[](MapState&, Landmarks& l) { l[0].covariance.clear(); }, {"landmarks[0].covariance", "0 numbers"}},
-      {[](MapState&, Landmarks& l) { l[4].covariance.resize(1 << 20); }, {"landmarks[4].covariance", "1048576 numbers"}},
+      {[](MapState&, Landmarks& l) { l[4].covariance.resize(1 << 20); },
+       {"landmarks[4].covariance", "1048576 numbers"}},
       {[](MapState&, Landmarks& l) { l[0].covariance[5] = kNaN; }, {"covariance[18][5]", "nan"}},
       {[](MapState&, Landmarks& l) { l[0].covariance[18] = -0.5; }, {"covariance[18][18]", "-0.5"}},
       {[](MapState&, Landmarks& l) { l[4].covariance.back() *= 1e-3; }, {"covariance"}},

@@ -100,7 +100,8 @@ TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
     system.loadMap(store.load(), store.source());
     system.add(GyroSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
     system.flush();
-    EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator())), resume) << "a copy is in before_resume_N";
+    EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator())), resume)
+        << "a copy is in before_resume_N";
     EXPECT_EQ(store.keepsSaved(), resume);
   }
   EXPECT_THROW(MapStore({"", "", false, "map"}).load(), MapError);

@@ -1,4 +1,5 @@
-// A second drive, which begins in a frame of its own, finds its place in the map of a first one by ids that return.
+// A second drive, which begins in a frame of its own, finds its place in the map of a first one by ids that
+// return.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +20,8 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 6;
 
-/// Two laps round a block: on the second one most of what the front end detects are landmarks of the first, with their ids.
+/// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
+/// with their ids.
 Drive twoLaps(std::uint64_t seed) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.seed = seed;
@@ -64,12 +66,14 @@ SecondLap driveTheSecondLap(const Drive& laps, const std::shared_ptr<const Saved
   system.loadMap(map, "the first lap");
   SecondLap result;
   std::size_t frames = 0;
-  drive(system, laps, laps.steps.size() / 2, laps.steps.size(), [&](const DriveStep& step, const Output& output) {
-    if (output.report.relocalised && !result.frames_before) result.frames_before = frames;
-    ++frames;
-    result.last_error = (output.state.world_T_imu.translation() - step.world_T_imu.translation()).norm();
-    if (result.frames_before) result.nees += poseNees(step.world_T_imu, output.state).pose;
-  });
+  drive(system, laps, laps.steps.size() / 2, laps.steps.size(),
+        [&](const DriveStep& step, const Output& output) {
+          if (output.report.relocalised && !result.frames_before) result.frames_before = frames;
+          ++frames;
+          result.last_error =
+              (output.state.world_T_imu.translation() - step.world_T_imu.translation()).norm();
+          if (result.frames_before) result.nees += poseNees(step.world_T_imu, output.state).pose;
+        });
   if (result.frames_before) result.nees /= static_cast<double>(frames - *result.frames_before);
   result.relocalisations = system.counts().relocalisations;
   result.use = system.estimator().mapUse();
@@ -88,16 +92,16 @@ TEST(Relocalisation, FindsThePlaceWithAnHonestCovariance) {
     EXPECT_EQ(lap.relocalisations, 1U) << seed;
     EXPECT_EQ(lap.use, MapUse::kRelocalised) << seed;
     EXPECT_LT(lap.last_error, 3.0) << seed;
-    std::cout << "seed " << seed << ": after " << *lap.frames_before << " frames, NEES " << lap.nees << ", at the end "
-              << lap.last_error << " m, " << map->landmarks.size() << " landmarks\n";
+    std::cout << "seed " << seed << ": after " << *lap.frames_before << " frames, NEES " << lap.nees
+              << ", at the end " << lap.last_error << " m, " << map->landmarks.size() << " landmarks\n";
     nees += lap.nees / kSeeds;
     worst = std::max(worst, lap.last_error);
   }
   EXPECT_LT(nees, chiSquareMeanBounds(6, kSeeds).second);
   RecordProperty("nees_hundredths", static_cast<int>(100.0 * nees));
   RecordProperty("worst_error_mm", static_cast<int>(1e3 * worst));
-  std::cout << "mean NEES " << nees << " (up to " << chiSquareMeanBounds(6, kSeeds).second << "), worst error " << worst
-            << " m\n";
+  std::cout << "mean NEES " << nees << " (up to " << chiSquareMeanBounds(6, kSeeds).second
+            << "), worst error " << worst << " m\n";
 }
 
 TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {

@@ -44,7 +44,8 @@ struct FrameReport {
   std::size_t removed = 0;     ///< landmarks that are no longer active
   std::size_t revisited = 0;   ///< landmarks found to be ones that were seen before
   bool place_recognised = false; ///< by the constellation of the landmarks
-  bool relocalised = false;      ///< in the loaded map: from this frame on all poses and landmarks are in its frame
+  bool relocalised =
+      false; ///< in the loaded map: from this frame on all poses and landmarks are in its frame
   std::size_t landmarks = 0;   ///< in the state after the frame, active
   std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
@@ -97,13 +98,14 @@ class Estimator {
 
   /// Whether it keeps a joint covariance of pose and map; only then the following do anything.
   virtual bool keepsJointMap() const { return false; }
-  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactLandmarks does, and may be done
-  /// in any thread. Empty where there is nothing yet.
+  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactLandmarks does,
+  /// and may be done in any thread. Empty where there is nothing yet.
   virtual std::function<SavedMap()> savedMap() const { return {}; }
-  /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is its own.
+  /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is
+  /// its own.
   virtual void relocaliseIn(std::shared_ptr<const SavedMap> /*map*/) {}
-  /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first measurement;
-  /// else as relocaliseIn.
+  /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first
+  /// measurement; else as relocaliseIn.
   virtual void resumeFrom(std::shared_ptr<const SavedMap> /*map*/, double /*max_gap_s*/) {}
   virtual MapUse mapUse() const { return MapUse::kNone; }
 };

@@ -32,16 +32,16 @@ struct SavedLandmark {
 struct SavedMap {
   Stamp stamp = 0;
   SE3 world_T_imu;
-  Vector6d twist = Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame
-  Vector6d bias = Vector6d::Zero();  ///< of the measured twist, same order, units and frame
+  Vector6d twist = Vector6d::Zero();    ///< (v in m/s, omega in rad/s), IMU frame
+  Vector6d bias = Vector6d::Zero();     ///< of the measured twist, same order, units and frame
   std::vector<SavedLandmark> landmarks; ///< unique ids, the one that is longest out of view first
-  /// (18 + 3 k) square, of the errors of position (m), rotation (rad; R = Exp(dtheta) R^), twist, bias and of each landmark
-  /// (m), along the world axes.
+  /// (18 + 3 k) square, of the errors of position (m), rotation (rad; R = Exp(dtheta) R^), twist, bias and of
+  /// each landmark (m), along the world axes.
   Eigen::MatrixXd covariance;
 };
 
-/// Throws MapError, in the name of `source`, unless all of it is finite and within what a drive can reach, and the covariance
-/// symmetric and positive semidefinite.
+/// Throws MapError, in the name of `source`, unless all of it is finite and within what a drive can reach,
+/// and the covariance symmetric and positive semidefinite.
 void validate(const SavedMap& map, const std::string& source);
 
 /// Throws the MapError of `field`, which has this value.

@@ -50,7 +50,7 @@ struct SystemCounts {
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
   std::uint64_t places_recognised = 0;
-  std::uint64_t relocalisations = 0; ///< in a loaded map
+  std::uint64_t relocalisations = 0;                         ///< in a loaded map
   std::array<std::uint64_t, kDivergenceCount> divergences{}; ///< recovered from, by Divergence
   double blind_s = 0.0; ///< s of sensor time in periods without a correction by features, see Blindness
   std::uint64_t blind_periods = 0; ///< their number
@@ -90,10 +90,11 @@ class SlamSystem {
   /// Forgets state and map, keeps calibration, counts and what was loaded.
   void reset(const std::string& reason);
 
-  /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator that keeps no
-  /// joint map.
+  /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator
+  /// that keeps no joint map.
   void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
-  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws MapError as above.
+  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws
+  /// MapError as above.
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
 
   const Estimator& estimator() const { return *estimator_; }

@@ -32,8 +32,8 @@ namespace vi_ekf_slam {
 /// have a thread of their own, hand their work to the worker and wait for it.
 class SlamNode {
  public:
-  /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the node must not
-  /// start then.
+  /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the
+  /// node must not start then.
   SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh);
   /// Calls finish().
   ~SlamNode();

@@ -71,7 +71,8 @@ Message read(std::vector<std::uint8_t>& bytes) {
   return message;
 }
 
-/// The message of a bag. Throws BagError when the bag's definition of its type is another one, and std::exception as above.
+/// The message of a bag. Throws BagError when the bag's definition of its type is another one, and
+/// std::exception as above.
 template <typename Message>
 Message read(const rosbag::MessageInstance& instance) {
   if (!instance.isType<Message>()) {

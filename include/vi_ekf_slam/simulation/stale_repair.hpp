@@ -22,8 +22,9 @@ class StaleRepair {
   }
 
  private:
-  std::map<std::pair<FeatureId, std::uint64_t>, FeatureId> renewed_; ///< by id and the point that it strayed to
-  FeatureId next_ = FeatureId{1} << 40;                              ///< above any id of a drive
+  std::map<std::pair<FeatureId, std::uint64_t>, FeatureId>
+      renewed_;                         ///< by id and the point that it strayed to
+  FeatureId next_ = FeatureId{1} << 40; ///< above any id of a drive
 };
 
 } // namespace vi_ekf_slam::simulation

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/invariant/deferred_step.hpp"
 
 #include "vi_ekf_slam/core/invariant/state.hpp"
+#include "vi_ekf_slam/core/invariant/symmetric.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -12,11 +13,36 @@ std::size_t bytes(const Eigen::MatrixXd& matrix) {
 std::size_t heapOf(const Propagation& step) {
   return static_cast<std::size_t>(step.G.size()) * sizeof(double);
 }
-std::size_t heapOf(const KalmanUpdate& step) { return bytes(step.A) + bytes(step.L) + step.H.bytes(); }
+std::size_t heapOf(const KalmanUpdate& step) {
+  return bytes(step.K) + bytes(step.S_inverse) + step.H.bytes();
+}
 std::size_t heapOf(const Transport& step) { return step.M.size() * sizeof(Eigen::Matrix3d); }
 template <class Small>
 std::size_t heapOf(const Small&) {
   return 0;
+}
+
+/// Z S^-1 for Z = X H^T and `after` = X (I - K H)^T.
+Eigen::MatrixXd timesInverseS(const KalmanUpdate& step, const Eigen::MatrixXd& Z,
+                              const Eigen::Ref<const Eigen::MatrixXd>& after) {
+  if (step.S_inverse.size() > 0) return Z * step.S_inverse;
+  Eigen::MatrixXd result = step.H.timesTransposed(after);
+  for (Eigen::Index i = 0; i < result.cols(); i += 3) result.middleCols<3>(i) *= step.R_inverse;
+  return result;
+}
+
+/// The lower triangle of `sum` gains S^-1.
+void addInverseS(const KalmanUpdate& step, Eigen::MatrixXd& sum) {
+  if (step.S_inverse.size() > 0) {
+    sum += step.S_inverse;
+    return;
+  }
+  Eigen::MatrixXd HK = Eigen::MatrixXd::Zero(sum.rows(), sum.cols());
+  step.H.addProduct(HK, step.K);
+  for (Eigen::Index i = 0; i < sum.rows(); i += 3) {
+    sum.middleRows<3>(i).noalias() -= step.R_inverse * HK.middleRows<3>(i);
+    sum.block<3, 3>(i, i) += step.R_inverse;
+  }
 }
 
 } // namespace
@@ -39,10 +65,9 @@ void CorrectionSweep::back(const Propagation& step) {
   correction_.segment<6>(kTwist) += (step.G.transpose() * correction_).eval();
 }
 
-/// F = I - A B with B = L^-1 H; and B x is measured with unit noise: correction += B^T w.
+/// F = I - K H, and H^T y is learned.
 void CorrectionSweep::back(const KalmanUpdate& step) {
-  Eigen::VectorXd weighted = step.w - step.A.transpose() * correction_;
-  step.L.triangularView<Eigen::Lower>().transpose().solveInPlace(weighted);
+  const Eigen::VectorXd weighted = step.y - step.K.transpose() * correction_;
   step.H.addTransposed(correction_, weighted);
 }
 
@@ -68,6 +93,72 @@ void CorrectionSweep::back(const Removal& step) {
 
 void CorrectionSweep::back(const Oblivion& step) { correction_.segment<3>(step.row).setZero(); }
 
+void InformationSweep::back(const DeferredStep& step) {
+  std::visit([this](const auto& s) { back(s); }, step);
+}
+
+// x' = F x: information <- F^T information F, as its columns and then its rows.
+
+void InformationSweep::back(const Eigen::MatrixXd& F, const Eigen::MatrixXd& information) {
+  const Eigen::MatrixXd before = F.transpose() * active() * F + information;
+  size_ = before.rows();
+  information_ = before;
+}
+
+void InformationSweep::back(const Propagation& step) {
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> gained = active() * step.G;
+  const Matrix6d twice = step.G.transpose() * gained;
+  active().middleCols<6>(kTwist) += gained;
+  active().middleRows<6>(kTwist) += gained.transpose();
+  active().block<6, 6>(kTwist, kTwist) += twice;
+}
+
+/// F = I - K H, and H^T S^-1 H is learned: information + H^T (K^T information K + S^-1) H less the mixed
+/// terms, all but the first one within the few columns of H.
+void InformationSweep::back(const KalmanUpdate& step) {
+  Eigen::MatrixXd mixed = active() * step.K;
+  Eigen::MatrixXd own = Eigen::MatrixXd::Zero(step.K.cols(), step.K.cols());
+  own.triangularView<Eigen::Lower>() += step.K.transpose() * mixed;
+  addInverseS(step, own);
+  mirrorLower(own);
+  step.H.addTransposed(mixed, -0.5 * own);
+  step.H.subtractSymmetric(active(), mixed);
+}
+
+void InformationSweep::back(const Transport& step) {
+  for (const bool again : {false, true}) { // columns, and the rows as columns of the transposed
+    for (std::size_t i = 0; i < step.M.size(); ++i) {
+      auto own = active().middleCols<3>(State::offsetOf(i));
+      auto position = active().middleCols<3>(kPosition);
+      position += own;
+      own = (own * step.M[i]).eval();
+      position -= own;
+    }
+    if (!again) active().transposeInPlace();
+  }
+}
+
+void InformationSweep::back(const Birth&) {
+  active().middleCols<3>(kPosition) += active().rightCols<3>();
+  active().middleRows<3>(kPosition) += active().bottomRows<3>();
+  size_ -= 3;
+}
+
+void InformationSweep::back(const Removal& step) {
+  size_ += 3;
+  if (information_.rows() < size_) information_.conservativeResize(size_, size_);
+  active().rightCols<3>().setZero();
+  active().bottomRows<3>().setZero();
+  if (step.row == size_ - 3) return;
+  active().middleCols<3>(step.row).swap(active().rightCols<3>());
+  active().middleRows<3>(step.row).swap(active().bottomRows<3>());
+}
+
+void InformationSweep::back(const Oblivion& step) {
+  active().middleCols<3>(step.row).setZero();
+  active().middleRows<3>(step.row).setZero();
+}
+
 ForwardSweep::ForwardSweep(Eigen::Index size, Eigen::Index rows, Eigen::Index columns)
     : rows_(size),
       columns_(size),
@@ -91,13 +182,13 @@ void ForwardSweep::forward(const Propagation& step) {
   active().noalias() += twist * step.G.transpose();
 }
 
-/// With Y = X B^T, B = L^-1 H: X -= Y A^T, and y is learned about by Y w, with Y Y^T less of its covariance.
+/// With Z = X H^T: X -= Z K^T, and y is learned about by Z S^-1 nu, with Z S^-1 Z^T less of its covariance.
 void ForwardSweep::forward(const KalmanUpdate& step) {
-  Eigen::MatrixXd Y = step.H.timesTransposed(active());
-  step.L.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(Y);
-  active().noalias() -= Y * step.A.transpose();
-  gram_.topLeftCorner(rows_, rows_).selfadjointView<Eigen::Lower>().rankUpdate(Y);
-  learned_.head(rows_).noalias() += Y * step.w;
+  const Eigen::MatrixXd Z = step.H.timesTransposed(active());
+  active().noalias() -= Z * step.K.transpose();
+  const Eigen::MatrixXd weighted = timesInverseS(step, Z, active());
+  gram_.topLeftCorner(rows_, rows_).triangularView<Eigen::Lower>() += weighted * Z.transpose();
+  learned_.head(rows_).noalias() += Z * step.y;
 }
 
 void ForwardSweep::forward(const Transport& step) {

@@ -19,14 +19,14 @@ std::size_t countUsed(const FrameOutcome& outcome) {
 
 /// The correction by the chosen observations alone, from P H^T and S of all of them. At least one is chosen.
 Correction correctionBy(const std::vector<Observation>& observations, const std::vector<bool>& chosen,
-                        Eigen::MatrixXd PHt, Eigen::MatrixXd S) {
+                        Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Matrix3d& noise) {
   Eigen::VectorXd innovation = stackInnovations(observations);
   keepChosen(chosen, PHt, S, innovation);
   std::vector<Observation> used;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (chosen[i]) used.push_back(observations[i]);
   }
-  return Correction(std::move(PHt), S, innovation, measurementMatrix(used));
+  return Correction(std::move(PHt), std::move(S), innovation, measurementMatrix(used), noise);
 }
 
 } // namespace
@@ -107,7 +107,8 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
   outcome.used = choose(observations, S, nis);
   const auto used = std::count(outcome.used.begin(), outcome.used.end(), true);
   if (used == 0) return std::nullopt;
-  Correction correction = correctionBy(observations, outcome.used, std::move(PHt), std::move(S));
+  Correction correction =
+      correctionBy(observations, outcome.used, std::move(PHt), std::move(S), model_.noise());
   if (!correction.isValid() || !(correction.nis() <= config_.frame_gate * 3.0 * static_cast<double>(used)))
     return std::nullopt;
   // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
@@ -150,7 +151,8 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
     passes[i] = normalisedInnovationSquared(again[i], S.block<3, 3>(row, row)) < config_.gate;
   }
   if (std::count(passes.begin(), passes.end(), true) == 0) return;
-  if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S)), &model_.rig().cam_T_imu))
+  if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S), model_.noise()),
+                   &model_.rig().cam_T_imu))
     return;
   for (std::size_t i = 0; i < again.size(); ++i) {
     if (passes[i]) outcome.used[index[i]] = true;

@@ -28,8 +28,8 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
 double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;
-  const auto n = static_cast<double>(update->A.rows()), r = static_cast<double>(update->A.cols());
-  return 5.0 * n * n * r + 1.5 * n * r * r;
+  const auto n = static_cast<double>(update->K.rows()), r = static_cast<double>(update->K.cols());
+  return 5.0 * n * n * r;
 }
 
 /// How many rows the active state gains.
@@ -102,8 +102,8 @@ void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covarianc
                       Eigen::Index row, Eigen::Index size) {
   if (!ids_.emplace(landmark.id, last_serial_ + 1).second)
     throw std::logic_error("landmark " + std::to_string(landmark.id) + " is held already");
-  departures_.push_back(std::make_shared<const Departure>(
-      Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
+  departures_.push_back(
+      std::make_shared<const Departure>(Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
   record(Removal{row, last_serial_}, size);
 }
 
@@ -116,8 +116,8 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
   if (settled_.use_count() > 1) {
     settled_ = std::make_shared<Settled>(*settled_);
   } else {
-    // The last other owner may have been a copy in another thread: letting go of one more owner here orders what it read
-    // before what is written now (use_count() alone orders nothing).
+    // The last other owner may have been a copy in another thread: letting go of one more owner here orders
+    // what it read before what is written now (use_count() alone orders nothing).
     const std::shared_ptr<Settled> owner = settled_;
   }
   return *settled_;
@@ -129,7 +129,8 @@ void InactiveMap::compose() {
   const std::uint64_t last = (*std::prev(end))->last_serial;
   const auto stays = std::find_if(departures_.begin(), departures_.end(),
                                   [last](const auto& departure) { return departure->serial > last; });
-  const Eigen::Index begin = journal_.front()->size, left = rowsOf(static_cast<std::size_t>(stays - departures_.begin()));
+  const Eigen::Index begin = journal_.front()->size,
+                     left = rowsOf(static_cast<std::size_t>(stays - departures_.begin()));
   Eigen::Index size = begin, largest = begin;
   for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
     for (const DeferredStep& step : (*chunk)->steps) largest = std::max(largest, size += gainOf(step));
@@ -137,7 +138,8 @@ void InactiveMap::compose() {
 
   auto stretch = std::make_shared<Stretch>();
   ForwardSweep sweep(begin, left, largest);
-  // Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep takes along.
+  // Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep
+  // takes along.
   Eigen::MatrixXd leaving = Eigen::MatrixXd::Zero(begin + left, left);
   for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
     for (const DeferredStep& step : (*chunk)->steps) {
@@ -185,7 +187,8 @@ void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
   settled.landmarks.resize(settled.landmarks.size() + static_cast<std::size_t>(left / 3));
   settled.serials.resize(settled.landmarks.size());
 
-  // From the time reached to now, as of a stretch; and the d of those that left since, in terms of the errors then.
+  // From the time reached to now, as of a stretch; and the d of those that left since, in terms of the errors
+  // then.
   Eigen::MatrixXd F = Eigen::MatrixXd::Identity(size, size), information = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd correction = Eigen::VectorXd::Zero(size);
   Eigen::MatrixXd later(0, size);
@@ -302,47 +305,44 @@ std::vector<InactiveLandmark> InactiveMap::marginaliseOldest(std::size_t count, 
 
 std::vector<InactiveLandmark> InactiveMap::estimates(Eigen::Index size, Covariances covariances) const {
   const bool exact = covariances == Covariances::kExact;
-  if (exact && !(open_.steps.empty() && journal_.empty())) {
-    InactiveMap whole = *this;
-    if (!open_.steps.empty()) whole.closeChunk();
-    while (!whole.journal_.empty()) whole.compose();
-    return whole.estimates(size, covariances);
-  }
   std::vector<InactiveLandmark> result(this->size());
   std::size_t next = result.size();
-  CorrectionSweep sweep(size);
+  CorrectionSweep means(size);
+  InformationSweep spreads(exact ? size : 0);
+  const auto estimate = [&](const Landmark& landmark, const Eigen::Matrix3d& covariance, const auto& cross) {
+    InactiveLandmark l{landmark, covariance};
+    l.landmark.position += cross.transpose() * means.correction();
+    if (exact) l.covariance -= cross.transpose() * (spreads.information() * cross);
+    return l;
+  };
   const auto goBack = [&](const Chunk& chunk) {
     for (auto step = chunk.steps.rbegin(); step != chunk.steps.rend(); ++step) {
       const auto* removal = std::get_if<Removal>(&*step);
-      if (const Departure* departure = removal ? departureOf(*removal) : nullptr) {
-        result[--next] = departure->inactive;
-        result[next].landmark.position += departure->cross.transpose() * sweep.correction();
-      }
-      sweep.back(*step);
+      if (const Departure* departure = removal ? departureOf(*removal) : nullptr)
+        result[--next] =
+            estimate(departure->inactive.landmark, departure->inactive.covariance, departure->cross);
+      means.back(*step);
+      if (exact) spreads.back(*step);
     }
   };
   goBack(open_);
   for (auto chunk = journal_.rbegin(); chunk != journal_.rend(); ++chunk) goBack(**chunk);
 
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(exact ? size : 0, exact ? size : 0);
-  const auto estimate = [&](const Landmark& landmark, const Eigen::MatrixXd& covariance, const Eigen::MatrixXd& cross,
-                            Eigen::Index rows, std::size_t i) {
+  const auto estimateOf = [&](const Landmark& landmark, const Eigen::MatrixXd& covariance, const auto& cross,
+                              std::size_t i) {
     const Eigen::Index row = rowsOf(i);
-    InactiveLandmark l{landmark, covariance.block<3, 3>(row, row)};
-    const Columns3 c = cross.block(0, row, rows, 3);
-    l.landmark.position += c.transpose() * sweep.correction();
-    if (exact) l.covariance -= c.transpose() * information * c;
-    return l;
+    return estimate(landmark, covariance.block<3, 3>(row, row), cross.template middleCols<3>(row));
   };
   for (auto composed = stretches_.rbegin(); composed != stretches_.rend(); ++composed) {
     const Stretch& stretch = *composed->stretch;
     for (std::size_t i = stretch.landmarks.size(); i-- > composed->gone;)
-      result[--next] = estimate(stretch.landmarks[i], stretch.covariance, stretch.cross, stretch.cross.rows(), i);
-    sweep.back(stretch.F, stretch.learned);
-    if (exact) information = (stretch.F.transpose() * information * stretch.F).eval() + stretch.information;
+      result[--next] = estimateOf(stretch.landmarks[i], stretch.covariance, stretch.cross, i);
+    means.back(stretch.F, stretch.learned);
+    if (exact) spreads.back(stretch.F, stretch.information);
   }
   for (std::size_t i = settled_->landmarks.size(); i-- > 0;)
-    result[i] = estimate(settled_->landmarks[i], settled_->covariance, settled_->cross, settled_->rows, i);
+    result[i] =
+        estimateOf(settled_->landmarks[i], settled_->covariance, settled_->cross.topRows(settled_->rows), i);
   return result;
 }
 

@@ -135,7 +135,8 @@ void InvariantEstimator::revisit(FrameReport& report) {
   report.revisited += fuseReturned(std::move(ids), kLeastTwins);
 }
 
-/// Fuses the active landmarks of these ids with the inactive ones, where at least `least` of them agree. How many were.
+/// Fuses the active landmarks of these ids with the inactive ones, where at least `least` of them agree. How
+/// many were.
 std::size_t InvariantEstimator::fuseReturned(std::vector<FeatureId> ids, std::size_t least) {
   const std::unordered_map<FeatureId, std::size_t> now = state_.indexById();
   const std::size_t first = state_.landmarks().size();

@@ -17,12 +17,12 @@ namespace {
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view
 constexpr std::size_t kLeastPoints = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
-constexpr int kFramesBetween = 5;      // attempts
+constexpr int kFramesBetween = 5;          // attempts
 constexpr int kFramesBetweenFailures = 50; // of the costly part
-constexpr double kCornerSigma = 0.05;  // m, by which a front end finds a corner elsewhere another time
-constexpr double kCompatible = 11.345; // chi-square, 3 degrees of freedom, 99 %
-constexpr double kShare = 0.6;         // of the matches, that must agree
-constexpr double kLeastSpread = 0.5;   // m, of the points beside the line that they are nearest to
+constexpr double kCornerSigma = 0.05;      // m, by which a front end finds a corner elsewhere another time
+constexpr double kCompatible = 11.345;     // chi-square, 3 degrees of freedom, 99 %
+constexpr double kShare = 0.6;             // of the matches, that must agree
+constexpr double kLeastSpread = 0.5;       // m, of the points beside the line that they are nearest to
 // Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
 constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
 
@@ -39,12 +39,13 @@ Rigid rigidMotions(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);
   Rigid G(3 * static_cast<Eigen::Index>(points.size()), 6);
   for (std::size_t i = 0; i < points.size(); ++i)
-    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(), -so3::hat(points[i] - centre);
+    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(),
+        -so3::hat(points[i] - centre);
   return G;
 }
 
-/// The covariance (3x3 each) of points beside the motion of all of them as one rigid body, as it is told from those of large
-/// weight, of their joint covariance C (3n x 3n): of (I - G (G^T W G)^-1 G^T W) C (...)^T.
+/// The covariance (3x3 each) of points beside the motion of all of them as one rigid body, as it is told from
+/// those of large weight, of their joint covariance C (3n x 3n): of (I - G (G^T W G)^-1 G^T W) C (...)^T.
 std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C,
                                               const Eigen::VectorXd& weights) {
   const Rigid G = rigidMotions(points), WG = weights.asDiagonal() * G;
@@ -71,8 +72,8 @@ Eigen::MatrixXd blocksOf(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::
   return C;
 }
 
-/// Landmarks that are here (in this drive's frame) and there (in the map's), with the joint covariance of their errors in
-/// either frame (3n x 3n).
+/// Landmarks that are here (in this drive's frame) and there (in the map's), with the joint covariance of
+/// their errors in either frame (3n x 3n).
 struct Matches {
   std::vector<FeatureId> ids;
   std::vector<Eigen::Vector3d> here, there;
@@ -100,17 +101,20 @@ std::optional<SE3> roughAlignment(const Matches& m) {
   const auto shape_there = shapeCovariances(m.there, m.covariance_there, m.weights);
   std::vector<Displaced> points;
   for (std::size_t i = 0; i < m.ids.size(); ++i) {
-    // How the one is turned against the other is not known yet: the largest of its variances in every direction.
+    // How the one is turned against the other is not known yet: the largest of its variances in every
+    // direction.
     const double variance = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
-    points.push_back({m.there[i], m.here[i],
-                      shape_there[i] + (variance + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
+    points.push_back(
+        {m.there[i], m.here[i],
+         shape_there[i] + (variance + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
   }
   return commonMotion(points);
 }
 
-/// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the others' transform
-/// is `there_T_here` from then on. With S the covariance of what is left of all, and r = S^-1 innovation, what one of them is
-/// off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
+/// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the
+/// others' transform is `there_T_here` from then on. With S the covariance of what is left of all, and r =
+/// S^-1 innovation, what one of them is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1
+/// r_i.
 void keepCompatible(Matches& m, SE3& there_T_here) {
   while (m.ids.size() >= kLeastPoints) {
     const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
@@ -158,7 +162,8 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
   }
 }
 
-/// 3x3 of a landmark's error relative to the body's position, e - xi_p, for the landmark whose rows begin at `row`.
+/// 3x3 of a landmark's error relative to the body's position, e - xi_p, for the landmark whose rows begin at
+/// `row`.
 Eigen::Matrix3d fromBody(const State& state, Eigen::Index row) {
   const auto P = state.covariance();
   const Eigen::Matrix3d cross = P.block<3, 3>(row, kPosition);
@@ -171,20 +176,23 @@ bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : points)
     scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastSpread * kLeastSpread;
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] >
+         kLeastSpread * kLeastSpread;
 }
 
 } // namespace
 
 void InvariantEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
   LoadedMap loaded{std::move(map), {}, 0};
-  for (std::size_t i = 0; i < loaded.map->landmarks.size(); ++i) loaded.index.emplace(loaded.map->landmarks[i].id, i);
+  for (std::size_t i = 0; i < loaded.map->landmarks.size(); ++i)
+    loaded.index.emplace(loaded.map->landmarks[i].id, i);
   loaded_ = std::move(loaded);
   map_use_ = MapUse::kWaiting;
 }
 
-/// The drive so far is in a frame of its own. When landmarks in view have ids of the map and their constellation is the
-/// map's, all is moved there; where they do not agree it goes on as if nothing had been tried.
+/// The drive so far is in a frame of its own. When landmarks in view have ids of the map and their
+/// constellation is the map's, all is moved there; where they do not agree it goes on as if nothing had been
+/// tried.
 void InvariantEstimator::relocalise(FrameReport& report) {
   if (--loaded_->frames_until_attempt > 0) return;
   loaded_->frames_until_attempt = kFramesBetween;
@@ -200,8 +208,8 @@ void InvariantEstimator::relocalise(FrameReport& report) {
   map_use_ = MapUse::kRelocalised;
 }
 
-/// Ids of landmarks in view that lie in the map as they lie here, and how the one lies in the other; none where too few
-/// do.
+/// Ids of landmarks in view that lie in the map as they lie here, and how the one lies in the other; none
+/// where too few do.
 std::vector<FeatureId> InvariantEstimator::agreeingWithMap(SE3& map_T_session) const {
   const SavedMap& map = *loaded_->map;
   Matches m;
@@ -234,9 +242,9 @@ std::vector<FeatureId> InvariantEstimator::agreeingWithMap(SE3& map_T_session) c
   return enough && spanAPlane(m.there) ? m.ids : std::vector<FeatureId>();
 }
 
-/// Moves the state into the map's frame, as unsure of where it is there as can be, and fuses its landmarks of these ids with
-/// the map's, which tells. False, and no change, where these contradict the joint covariance. What this drive saw before
-/// stays in the map as estimates without correlation.
+/// Moves the state into the map's frame, as unsure of where it is there as can be, and fuses its landmarks of
+/// these ids with the map's, which tells. False, and no change, where these contradict the joint covariance.
+/// What this drive saw before stays in the map as estimates without correlation.
 bool InvariantEstimator::moveIntoMap(const SE3& map_T_session, const std::vector<FeatureId>& ids) {
   State before = state_;
   const bool loop_closed = loop_closed_;

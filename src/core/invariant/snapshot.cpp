@@ -11,8 +11,9 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view, to be worth keeping
-constexpr double kRounding = 1e-12;      // of the largest variance
-constexpr double kLeastVariance = 1e-12; // m^2, rad^2, ...: not zero, so that the covariance stays positive definite
+constexpr double kRounding = 1e-12;             // of the largest variance
+constexpr double kLeastVariance =
+    1e-12; // m^2, rad^2, ...: not zero, so that the covariance stays positive definite
 
 SavedMap savedFrom(State& state, Stamp stamp) {
   std::vector<std::size_t> active;
@@ -64,7 +65,8 @@ void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double 
   map_use_ = MapUse::kWaiting;
 }
 
-/// What was in view is out of view now, like the rest: tracks that go on begin as new landmarks and are fused with it.
+/// What was in view is out of view now, like the rest: tracks that go on begin as new landmarks and are fused
+/// with it.
 void InvariantEstimator::resume(Stamp stamp) {
   const std::shared_ptr<const SavedMap> map = std::exchange(resumed_, nullptr);
   const double gap = secondsBetween(map->stamp, stamp);

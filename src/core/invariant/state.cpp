@@ -15,6 +15,9 @@ namespace {
 
 using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 
+// S over R, up to which P^+ H^T R^-1 is K: rounding grows by as much.
+constexpr double kMostLearned = 1e4;
+
 } // namespace
 
 State::State(const Prior& prior, bool keeps_inactive, std::size_t deferred_bytes)
@@ -56,9 +59,9 @@ void State::disturb(double dt, const ProcessNoise& noise) {
   addTwistNoise(G, dt, noise, Columns6::Zero(size(), 6), Matrix6d::Zero());
 }
 
-/// The error Log(T T^^-1) is that of before, since truth and estimate move by the same T <- T motion. What is added: with
-/// dp = xi_p - [p]x xi_R, and d = e - [m]x xi_R = 0 for landmarks, (xi_p, xi_R, e) = ([I, [p]x], [0, I], [0, [m]x])
-/// (dp, dtheta).
+/// The error Log(T T^^-1) is that of before, since truth and estimate move by the same T <- T motion. What is
+/// added: with dp = xi_p - [p]x xi_R, and d = e - [m]x xi_R = 0 for landmarks, (xi_p, xi_R, e) = ([I, [p]x],
+/// [0, I], [0, [m]x]) (dp, dtheta).
 void State::displace(const SE3& motion, const Matrix6d& covariance) {
   pose_ = (pose_ * motion).normalized();
   Columns6 G = Columns6::Zero(size(), 6);
@@ -90,14 +93,33 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
 }
 
-Correction::Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation,
-                       SparseRows H)
-    : PHt_(std::move(PHt)), llt_(S), H_(std::move(H)) {
-  if (llt_.info() != Eigen::Success) return;
-  whitened_ = llt_.matrixL().solve(innovation);
-  nis_ = whitened_.squaredNorm();
-  error_.noalias() = PHt_ * llt_.matrixU().solve(whitened_);
+Correction::Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::VectorXd& innovation,
+                       SparseRows H, const std::optional<Eigen::Matrix3d>& noise)
+    : PHt_(std::move(PHt)), L_(std::move(S)), H_(std::move(H)) {
+  if (noise && L_.diagonal().maxCoeff() < kMostLearned * noise->diagonal().minCoeff()) noise_ = noise;
+  if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(L_).info() != Eigen::Success) return; // in its place
+  weighted_ = L_.triangularView<Eigen::Lower>().solve(innovation);
+  nis_ = weighted_.squaredNorm();
+  L_.transpose().triangularView<Eigen::Upper>().solveInPlace(weighted_);
+  error_.noalias() = PHt_ * weighted_;
   valid_ = nis_ >= 0.0 && error_.allFinite();
+}
+
+/// After apply has put P H^T L^-T in the place of PHt_. `corrected` is the covariance after the update: K is
+/// P^+ H^T R^-1, which is cheap, or A L^-1.
+KalmanUpdate Correction::takeUpdate(const Eigen::Ref<const Eigen::MatrixXd>& corrected) {
+  if (!noise_) {
+    L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(PHt_);
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L_.rows(), L_.cols());
+    L_.triangularView<Eigen::Lower>().solveInPlace(inverse);
+    L_.transpose().triangularView<Eigen::Upper>().solveInPlace(inverse);
+    return {std::move(PHt_), std::move(H_), std::move(weighted_), std::move(inverse),
+            Eigen::Matrix3d::Zero()};
+  }
+  const Eigen::Matrix3d R_inverse = noise_->inverse();
+  Eigen::MatrixXd K = H_.timesTransposed(corrected);
+  for (Eigen::Index i = 0; i < K.cols(); i += 3) K.middleCols<3>(i) *= R_inverse;
+  return {std::move(K), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), R_inverse};
 }
 
 bool State::apply(Correction correction, const SE3* cam_T_imu) {
@@ -106,17 +128,16 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   Eigen::MatrixXd& A = correction.PHt_;
   if (inactive_ && correction.H_.rows() != A.cols())
     throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
-  correction.llt_.matrixU().solveInPlace<Eigen::OnTheRight>(A);
+  correction.L_.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(A);
   if (!A.allFinite()) return false;
   auto P = covariance_.topLeftCorner(size(), size());
   P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
   mirrorLower(P);
+  if (inactive_) record(correction.takeUpdate(P));
   std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
-  if (!M.empty()) transport(M);
-  if (inactive_) {
-    record(KalmanUpdate{std::move(A), correction.llt_.matrixLLT(), std::move(correction.H_),
-                  std::move(correction.whitened_)});
-    if (!M.empty()) record(Transport{std::move(M)});
+  if (!M.empty()) {
+    transport(M);
+    record(Transport{std::move(M)});
   }
   return true;
 }

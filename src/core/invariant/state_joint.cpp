@@ -66,8 +66,10 @@ void State::restore(const SE3& pose, const Vector6d& twist, const Vector6d& bias
   // xi_p = dp + [p]x xi_R.
   const Eigen::Matrix3d M = so3::hat(pose_.translation());
   joint.covariance.middleRows<3>(kPosition) += (M * joint.covariance.middleRows<3>(kRotation)).eval();
-  joint.covariance.middleCols<3>(kPosition) -= (joint.covariance.middleCols<3>(kRotation) * M).eval(); // [p]x^T = -[p]x
-  covariance_.topLeftCorner<kLandmarks, kLandmarks>() = joint.covariance.topLeftCorner<kLandmarks, kLandmarks>();
+  joint.covariance.middleCols<3>(kPosition) -=
+      (joint.covariance.middleCols<3>(kRotation) * M).eval(); // [p]x^T = -[p]x
+  covariance_.topLeftCorner<kLandmarks, kLandmarks>() =
+      joint.covariance.topLeftCorner<kLandmarks, kLandmarks>();
   mirrorLower(covariance_.topLeftCorner<kLandmarks, kLandmarks>());
   for (Landmark& landmark : joint.landmarks) landmark.anchored = false;
   inactive_->adopt(std::move(joint.landmarks), joint.covariance.bottomRightCorner(k3, k3),
@@ -79,16 +81,18 @@ void State::adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance) {
   inactive_->adopt(std::move(landmarks), std::move(covariance), std::move(cross));
 }
 
-/// T Exp(xi) T^-1 = Exp(Ad(T) xi). For a landmark T m = R Exp(xi_R) (m^ + e) + t = Exp(R xi_R) (R m^ + t + e') with
-/// e' = R e + [t]x R xi_R to first order.
+/// T Exp(xi) T^-1 = Exp(Ad(T) xi). For a landmark T m = R Exp(xi_R) (m^ + e) + t = Exp(R xi_R) (R m^ + t +
+/// e') with e' = R e + [t]x R xi_R to first order.
 void State::moveWorld(const SE3& to_T_world) {
-  if (inactive_ && inactive_->size() > 0) throw std::logic_error("inactive landmarks do not move with the world");
+  if (inactive_ && inactive_->size() > 0)
+    throw std::logic_error("inactive landmarks do not move with the world");
   if (inactive_) inactive_->adopt({}, Eigen::MatrixXd(0, 0), Eigen::MatrixXd(size(), 0)); // nor the journal
   const Eigen::Matrix3d& R = to_T_world.rotation();
   const Eigen::Matrix3d shift = so3::hat(to_T_world.translation()) * R;
   const auto move = [&](auto rows) {
     const Eigen::Matrix<double, 3, Eigen::Dynamic> rotation = rows.template middleRows<3>(kRotation);
-    rows.template middleRows<3>(kPosition) = (R * rows.template middleRows<3>(kPosition) + shift * rotation).eval();
+    rows.template middleRows<3>(kPosition) =
+        (R * rows.template middleRows<3>(kPosition) + shift * rotation).eval();
     rows.template middleRows<3>(kRotation) = R * rotation;
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
       auto own = rows.template middleRows<3>(offsetOf(i));

@@ -10,8 +10,8 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr double kGate = 11.345; // chi-square, 3 degrees of freedom, 99 %
-// Wider, since what the twins have in common is an error of the way since, which is not quite normal; that they agree
-// is what speaks for them.
+// Wider, since what the twins have in common is an error of the way since, which is not quite normal; that
+// they agree is what speaks for them.
 constexpr double kCommonGate = 4.0 * kGate;
 constexpr double kJointGate = 5.0; // of the joint chi-square, per degree of freedom
 
@@ -78,8 +78,9 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
     row += 3;
   }
   keepChosen(best, PHt, S, innovation);
-  Correction correction(std::move(PHt), S, innovation, std::move(H));
-  if (!correction.isValid() || !(correction.nis() <= kJointGate * 3.0 * static_cast<double>(most))) return result;
+  Correction correction(std::move(PHt), std::move(S), innovation, std::move(H));
+  if (!correction.isValid() || !(correction.nis() <= kJointGate * 3.0 * static_cast<double>(most)))
+    return result;
   result.nis = correction.nis();
   // Straight coordinates: a correction that moves all rigidly must not bend what lies before the camera.
   if (!state.apply(std::move(correction))) return result;

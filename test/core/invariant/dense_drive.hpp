@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <optional>
 
 #include "dense_joint.hpp"
 
@@ -15,7 +16,8 @@ inline double worstCorrelationError(const Eigen::MatrixXd& actual, const Eigen::
 /// A random drive, done by State and by DenseJoint alike.
 class Twins {
  public:
-  explicit Twins(unsigned seed) : random_(seed), state_(kPrior, true), dense_(state_) {
+  explicit Twins(unsigned seed, std::size_t deferred_bytes = std::size_t{1} << 30)
+      : random_(seed), state_(kPrior, true, deferred_bytes), dense_(state_) {
     startMoving();
     for (int i = 0; i < 6; ++i) addLandmark();
   }
@@ -91,13 +93,15 @@ class Twins {
       const auto found = findInactive(estimate.landmark.id);
       EXPECT_LT(distance(estimate.landmark.position, found->position), 1e-8);
       EXPECT_EQ(estimate.landmark.observations, found->observations);
-      const Eigen::Index row = dense_.inactiveOffset(static_cast<std::size_t>(found - dense_.inactive.begin()));
+      const Eigen::Index row =
+          dense_.inactiveOffset(static_cast<std::size_t>(found - dense_.inactive.begin()));
       const Eigen::Matrix3d exact = dense_.P.block<3, 3>(row, row);
       if (covariances == InactiveMap::Covariances::kExact) {
         EXPECT_LT(worstCorrelationError(estimate.covariance, exact), 1e-9);
       } else {
         const Eigen::Matrix3d more = estimate.covariance - exact;
-        EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(more).eigenvalues().minCoeff(), -1e-9 * exact.norm());
+        EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(more).eigenvalues().minCoeff(),
+                  -1e-9 * exact.norm());
       }
     }
   }
@@ -114,13 +118,14 @@ class Twins {
     return found;
   }
 
-  void apply(const Eigen::MatrixXd& H, const SparseRows& rows, const Eigen::MatrixXd& R, const SE3* camera) {
+  void apply(const Eigen::MatrixXd& H, const SparseRows& rows, const Eigen::MatrixXd& R, const SE3* camera,
+             const std::optional<Eigen::Matrix3d>& noise = {}) {
     const Update update = updateOf(state_, H, R);
     const Eigen::MatrixXd L = update.S.llt().matrixL();
     const Eigen::VectorXd innovation = 0.5 * L * randomMatrix(random_, H.rows(), 1);
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(H.rows(), dense_.P.rows());
     all.leftCols(H.cols()) = H;
-    ASSERT_TRUE(state_.apply(Correction(update.PHt, update.S, innovation, rows), camera));
+    ASSERT_TRUE(state_.apply(Correction(update.PHt, update.S, innovation, rows, noise), camera));
     dense_.update(all, R, innovation, camera);
   }
 
@@ -159,13 +164,18 @@ class Twins {
       rows.add(row, State::offsetOf(seen[i]), J);
       rows.add(row, kPosition, -J);
     }
-    apply(H, rows, 0.01 * Eigen::MatrixXd::Identity(count, count),
-          random_.uniform(0.0, 1.0) < 0.7 ? &rig_.cam_T_imu : nullptr);
+    const Eigen::Vector3d noise(0.01, 0.005, 0.01);
+    Eigen::MatrixXd R = Eigen::MatrixXd::Zero(count, count);
+    R.diagonal() = noise.replicate(count / 3, 1);
+    std::optional<Eigen::Matrix3d> told;
+    if (random_.uniform(0.0, 1.0) < 0.7) told = noise.asDiagonal();
+    apply(H, rows, R, random_.uniform(0.0, 1.0) < 0.7 ? &rig_.cam_T_imu : nullptr, told);
   }
 
   void addLandmark() {
     const SE3 world_T_cam = state_.pose() * rig_.cam_T_imu.inverse();
-    const Eigen::Vector3d q(random_.uniform(-4.0, 4.0), random_.uniform(-1.0, 2.0), random_.uniform(5.0, 20.0));
+    const Eigen::Vector3d q(random_.uniform(-4.0, 4.0), random_.uniform(-1.0, 2.0),
+                            random_.uniform(5.0, 20.0));
     const Eigen::Matrix3d noise = 0.1 * random_.covariance<3>();
     state_.addLandmark(next_id_, world_T_cam * q, noise);
     dense_.addLandmark(next_id_++, world_T_cam * q, noise);

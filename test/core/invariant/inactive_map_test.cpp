@@ -32,6 +32,30 @@ TEST(InactiveMap, EqualsTheDenseJointFilterAfterALongDeferral) {
   twins.expectEqual();
 }
 
+TEST(InactiveMap, EqualsTheDenseJointFilterWhereTheJournalIsComposedAgainAndAgain) {
+  Twins twins(10, 1);
+  for (int frame = 1; frame <= 120; ++frame) {
+    twins.step();
+    if (frame % 15 == 0) twins.marginaliseOldest(11);
+    if (frame == 70) twins.activateSome(3);
+    if (frame % 30 != 0) continue;
+    twins.expectEstimates(InactiveMap::Covariances::kExact);
+    twins.expectEstimates(InactiveMap::Covariances::kLastSettled);
+    twins.expectEqual();
+  }
+}
+
+TEST(InactiveMap, HasLessToSettleAndToHoldOnceTheJournalIsComposed) {
+  Twins composed(11, 1), deferred(11);
+  for (int frame = 1; frame <= 60; ++frame) {
+    composed.step();
+    deferred.step();
+  }
+  const InactiveMap &one = composed.state().inactive(), &other = deferred.state().inactive();
+  EXPECT_LT(one.settlingCost(composed.state().size()), other.settlingCost(deferred.state().size()));
+  EXPECT_LT(one.bytes(), other.bytes());
+}
+
 TEST(InactiveMap, StaysExactForTheRestWhenTheOldestAreMarginalised) {
   Twins twins(5);
   for (int frame = 1; frame <= 80; ++frame) {

@@ -7,7 +7,8 @@ namespace {
 
 using namespace test;
 
-/// What the dense filter says about the errors along the world axes, inactive landmarks before active ones, by id.
+/// What the dense filter says about the errors along the world axes, inactive landmarks before active ones,
+/// by id.
 struct Expected {
   std::vector<Landmark> landmarks;
   Eigen::MatrixXd covariance;
@@ -113,7 +114,8 @@ TEST(Joint, AdoptedLandmarksCorrectAsTheDenseFilterHasIt) {
   const Eigen::MatrixXd A = randomMatrix(random, 15, 15);
   const Eigen::MatrixXd covariance = A * A.transpose() + 0.1 * Eigen::MatrixXd::Identity(15, 15);
   std::vector<Landmark> landmarks;
-  for (FeatureId id = 0; id < 5; ++id) landmarks.push_back({1000 + id, random.vector<3>(-20.0, 20.0), 7 + id});
+  for (FeatureId id = 0; id < 5; ++id)
+    landmarks.push_back({1000 + id, random.vector<3>(-20.0, 20.0), 7 + id});
   state.adopt(landmarks, covariance);
   dense.inactive = landmarks;
   Eigen::MatrixXd P = Eigen::MatrixXd::Zero(dense.P.rows() + 15, dense.P.rows() + 15);
@@ -159,7 +161,8 @@ TEST(MoveWorld, TakesErrorsAsTheirDefinitionDoes) {
   for (std::size_t i = 0; i < after.landmarks.size(); ++i)
     EXPECT_LT(distance(state.landmarks()[i].position, after.landmarks[i]), 1e-12);
   const Eigen::MatrixXd J = derivative(
-      [&](const Eigen::VectorXd& error) { return errorOf(movedBy(truthAt(before, error)), after); }, state.size());
+      [&](const Eigen::VectorXd& error) { return errorOf(movedBy(truthAt(before, error)), after); },
+      state.size());
   EXPECT_LT(worstCorrelationError(state.covariance(), J * P * J.transpose()), 1e-9);
 }
 
@@ -171,7 +174,8 @@ TEST(MoveWorld, LeavesWhatIsSeenFromTheBodyAsItWas) {
     const auto P = s.covariance();
     const Eigen::Index i = State::offsetOf(0);
     const Eigen::Matrix3d cross = P.block<3, 3>(i, kPosition);
-    const Eigen::Matrix3d C = P.block<3, 3>(i, i) + P.block<3, 3>(kPosition, kPosition) - cross - cross.transpose();
+    const Eigen::Matrix3d C =
+        P.block<3, 3>(i, i) + P.block<3, 3>(kPosition, kPosition) - cross - cross.transpose();
     return R.transpose() * C * R;
   };
   const Eigen::Matrix3d before = fromBody(state, rotation);

@@ -18,12 +18,13 @@ struct Propagation {
   Eigen::Matrix<double, Eigen::Dynamic, 6> G;
 };
 
-/// Kalman update: x -= K H x with K H = A L^-1 H, for S = L L^T, A = P H^T L^-T and w = L^-1 innovation.
+/// Kalman update x -= K H x, for the innovation nu of covariance S.
 struct KalmanUpdate {
-  Eigen::MatrixXd A;
-  Eigen::MatrixXd L; ///< the lower triangle
+  Eigen::MatrixXd K;
   SparseRows H;
-  Eigen::VectorXd w;
+  Eigen::VectorXd y;         ///< S^-1 nu
+  Eigen::MatrixXd S_inverse; ///< empty: it is R^-1 (I - H K), for R of equal 3x3 blocks
+  Eigen::Matrix3d R_inverse; ///< the block's inverse
 };
 
 /// Landmark by landmark e_j - xi_p <- M_j (e_j - xi_p).
@@ -37,7 +38,8 @@ struct Birth {};
 /// A landmark's three rows are gone, the last three take their place.
 struct Removal {
   Eigen::Index row;
-  std::uint64_t departure = 0; ///< number of the departure by which the landmark went on being held; 0: it did not
+  std::uint64_t departure =
+      0; ///< number of the departure by which the landmark went on being held; 0: it did not
 };
 
 /// Three rows are unknown again: correlated with nothing.
@@ -50,9 +52,10 @@ using DeferredStep = std::variant<Propagation, KalmanUpdate, Transport, Birth, R
 /// How much memory the step holds.
 std::size_t bytesOf(const DeferredStep& step);
 
-/// What is learned by a stretch of time about errors d that do not change during it, swept backward step by step: with the
-/// cross-covariance c = cov(x, d) at the time reached, mean(d) += c^T correction by its end (the modified Bryson-Frazier
-/// smoother; Bierman, "Fixed interval smoothing with discrete measurements", 1973).
+/// What is learned by a stretch of time about errors d that do not change during it, swept backward step by
+/// step: with the cross-covariance c = cov(x, d) at the time reached, mean(d) += c^T correction by its end
+/// (the modified Bryson-Frazier smoother; Bierman, "Fixed interval smoothing with discrete measurements",
+/// 1973).
 class CorrectionSweep {
  public:
   /// Begins at the end, with x of `size`.
@@ -60,7 +63,8 @@ class CorrectionSweep {
 
   /// To the time before `step`.
   void back(const DeferredStep& step);
-  /// To the beginning of a stretch that takes x to F x (and noise), and has taught `learned` (see ForwardSweep).
+  /// To the beginning of a stretch that takes x to F x (and noise), and has taught `learned` (see
+  /// ForwardSweep).
   void back(const Eigen::MatrixXd& F, const Eigen::VectorXd& learned);
 
   const Eigen::VectorXd& correction() const { return correction_; }
@@ -76,17 +80,48 @@ class CorrectionSweep {
   Eigen::VectorXd correction_;
 };
 
-/// Takes cross-covariances with x forward step by step, those of any errors y that do not change: X = cov(y, x), and
-/// what is learned about y by the way,
+/// As CorrectionSweep, how much surer the errors d have become by the end of the stretch: var(d) -= c^T
+/// information c, with c = cov(x, d) at the time reached (the same smoother's covariance).
+class InformationSweep {
+ public:
+  /// Begins at the end, with x of `size`.
+  explicit InformationSweep(Eigen::Index size)
+      : size_(size), information_(Eigen::MatrixXd::Zero(size, size)) {}
+
+  /// To the time before `step`.
+  void back(const DeferredStep& step);
+  /// To the beginning of a stretch that takes x to F x (and noise), and has taught `information` of its own.
+  void back(const Eigen::MatrixXd& F, const Eigen::MatrixXd& information);
+
+  /// Symmetric, of x at the time reached.
+  auto information() const { return information_.topLeftCorner(size_, size_); }
+
+ private:
+  void back(const Propagation& step);
+  void back(const KalmanUpdate& step);
+  void back(const Transport& step);
+  void back(const Birth& step);
+  void back(const Removal& step);
+  void back(const Oblivion& step);
+  auto active() { return information_.topLeftCorner(size_, size_); }
+
+  Eigen::Index size_;
+  Eigen::MatrixXd information_; ///< the top left part is in use
+};
+
+/// Takes cross-covariances with x forward step by step, those of any errors y that do not change: X = cov(y,
+/// x), and what is learned about y by the way,
 ///
 ///   cov(y, y) -= gram,   mean(y) += learned,
 ///
-/// the auxiliary matrices of the compressed filter (Guivant and Nebot, "Optimization of the simultaneous localization and
-/// map-building algorithm for real-time implementation", 2001). Rows of the identity stand for any errors d at all whose
-/// covariance with x is not yet known: with c = cov(x, d) at the beginning, their X is c^T times those rows.
+/// the auxiliary matrices of the compressed filter (Guivant and Nebot, "Optimization of the simultaneous
+/// localization and map-building algorithm for real-time implementation", 2001). Rows of the identity stand
+/// for any errors d at all whose covariance with x is not yet known: with c = cov(x, d) at the beginning,
+/// their X is c^T times those rows.
 class ForwardSweep {
  public:
-  /// Begins with X the identity of `size`; with room for `rows` more rows and `columns` >= every size on the way.
+  /// Begins with X the identity of `size`; with room for `rows` more rows and `columns` >= every size on the
+  /// way.
   ForwardSweep(Eigen::Index size, Eigen::Index rows, Eigen::Index columns);
 
   /// To the time after `step`.

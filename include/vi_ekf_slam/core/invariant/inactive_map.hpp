@@ -43,9 +43,9 @@ class InactiveMap {
   void add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross, Eigen::Index row,
            Eigen::Index size);
 
-  /// Landmarks from elsewhere (unique ids, the first one longest out of view) in the place of all that are held, out of view
-  /// for longer than any that leaves from now on: `covariance` of their errors d (3k x 3k, m^2, world axes) and `cross`
-  /// (n x 3k) of the active errors with them.
+  /// Landmarks from elsewhere (unique ids, the first one longest out of view) in the place of all that are
+  /// held, out of view for longer than any that leaves from now on: `covariance` of their errors d (3k x 3k,
+  /// m^2, world axes) and `cross` (n x 3k) of the active errors with them.
   void adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
 
   /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks to
@@ -69,7 +69,9 @@ class InactiveMap {
   }
   /// The settled landmarks and the covariance of their d (3k x 3k).
   const std::vector<Landmark>& settledLandmarks() const { return settled_->landmarks; }
-  auto settledCovariance() const { return settled_->covariance.topLeftCorner(3 * settledCount(), 3 * settledCount()); }
+  auto settledCovariance() const {
+    return settled_->covariance.topLeftCorner(3 * settledCount(), 3 * settledCount());
+  }
   /// Their places in settledLandmarks(), the one that is longest out of view first.
   std::vector<std::size_t> settledByAge() const;
 

@@ -28,6 +28,22 @@ class SparseRows {
     return result;
   }
 
+  /// P -= X H + (X H)^T, for symmetric P (n x n) and X (n x rows()).
+  template <class Symmetric>
+  void subtractSymmetric(Symmetric&& P, const Eigen::MatrixXd& X) const {
+    for (const Block& b : blocks_) {
+      const Eigen::Matrix<double, Eigen::Dynamic, 3> product = X.middleCols<3>(b.row) * b.value;
+      P.template middleCols<3>(b.column) -= product;
+      P.template middleRows<3>(b.column) -= product.transpose();
+    }
+  }
+
+  /// result += H X, for X (n x m).
+  void addProduct(Eigen::MatrixXd& result, const Eigen::MatrixXd& X) const {
+    for (const Block& b : blocks_)
+      result.middleRows<3>(b.row).noalias() += b.value * X.middleRows<3>(b.column);
+  }
+
   /// result += H^T X, for X (rows() x m).
   template <class Result, class Other>
   void addTransposed(Result&& result, const Eigen::MatrixBase<Other>& X) const {

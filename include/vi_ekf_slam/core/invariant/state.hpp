@@ -32,9 +32,11 @@ Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& posit
 /// innovation's covariance S = H P H^T + R (rows x rows), and the innovation.
 class Correction {
  public:
-  /// Of `S` only the lower triangle is read. `H` may be left out for a state that keeps no inactive landmarks.
-  Correction(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation,
-             SparseRows H = SparseRows(0));
+  /// Of `S` only the lower triangle is read. `H` may be left out for a state that keeps no inactive
+  /// landmarks. `noise` is the covariance of each three rows' noise where it is the same for all, and
+  /// independent: not needed, but with it a state that keeps inactive landmarks has less to do.
+  Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::VectorXd& innovation,
+             SparseRows H = SparseRows(0), const std::optional<Eigen::Matrix3d>& noise = {});
 
   /// Whether S is positive definite and all of this finite; else it cannot be applied.
   bool isValid() const { return valid_; }
@@ -47,9 +49,12 @@ class Correction {
   friend class State;
 
   Eigen::MatrixXd PHt_;
-  Eigen::LLT<Eigen::MatrixXd> llt_;
+  KalmanUpdate takeUpdate(const Eigen::Ref<const Eigen::MatrixXd>& corrected);
+
+  Eigen::MatrixXd L_; // lower triangle: S = L L^T
   SparseRows H_;
-  Eigen::VectorXd whitened_; // L^-1 innovation
+  std::optional<Eigen::Matrix3d> noise_; // where K can be had by it, see takeUpdate
+  Eigen::VectorXd weighted_;             // S^-1 innovation
   Eigen::VectorXd error_;
   double nis_ = 0.0;
   bool valid_ = false;
@@ -75,7 +80,8 @@ struct ProcessNoise {
 class State {
  public:
   /// `deferred_bytes` as InactiveMap has it.
-  explicit State(const Prior& prior, bool keeps_inactive = false, std::size_t deferred_bytes = std::size_t{1} << 30);
+  explicit State(const Prior& prior, bool keeps_inactive = false,
+                 std::size_t deferred_bytes = std::size_t{1} << 30);
 
   const SE3& pose() const { return pose_; }
   const Vector6d& twist() const { return twist_; }
@@ -96,13 +102,13 @@ class State {
   /// The process noise of the last `dt` s alone, beyond what propagate added: the mean stays where it is.
   void disturb(double dt, const ProcessNoise& noise);
 
-  /// The body is at pose() * motion instead, and its pose less certain by `covariance`, 6x6 of independent errors
-  /// (position, rotation) along the world axes; the landmarks stay where they are.
+  /// The body is at pose() * motion instead, and its pose less certain by `covariance`, 6x6 of independent
+  /// errors (position, rotation) along the world axes; the landmarks stay where they are.
   void displace(const SE3& motion, const Matrix6d& covariance);
 
   /// Kalman update by a correction made from this state. With `cam_T_imu` landmarks before the camera are
-  /// corrected in inverse depth (see retract). False, and no change, when it is not valid. Throws std::logic_error for
-  /// a correction without H where inactive landmarks are kept.
+  /// corrected in inverse depth (see retract). False, and no change, when it is not valid. Throws
+  /// std::logic_error for a correction without H where inactive landmarks are kept.
   bool apply(Correction correction, const SE3* cam_T_imu = nullptr);
 
   /// Adds the landmark at `position` (world), seen from here with position noise covariance `noise` (3x3,
@@ -119,37 +125,39 @@ class State {
   /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id.
   void deactivateLandmark(std::size_t index);
 
-  /// Brings inactive landmarks back as the last active ones, in this order, anchored, after settling what was deferred. Throws
-  /// std::out_of_range for an id that is not inactive.
+  /// Brings inactive landmarks back as the last active ones, in this order, anchored, after settling what was
+  /// deferred. Throws std::out_of_range for an id that is not inactive.
   void activateLandmarks(const std::vector<FeatureId>& ids);
 
   /// See InactiveMap::marginaliseOldest and InactiveMap::estimates.
   std::vector<InactiveLandmark> marginaliseOldest(std::size_t count);
   std::vector<InactiveLandmark> inactiveLandmarks(InactiveMap::Covariances covariances) const;
 
-  /// Landmarks, and the joint covariance (18 + 3k, square) of the errors along the world axes: (position, rotation) as in
-  /// poseCovariance, dnu, db, and d of each landmark.
+  /// Landmarks, and the joint covariance (18 + 3k, square) of the errors along the world axes: (position,
+  /// rotation) as in poseCovariance, dnu, db, and d of each landmark.
   struct Joint {
     std::vector<Landmark> landmarks;
     Eigen::MatrixXd covariance;
   };
-  /// The inactive landmarks, the one longest out of view first, and the active ones at `active`, exactly. Settles what was
-  /// deferred.
+  /// The inactive landmarks, the one longest out of view first, and the active ones at `active`, exactly.
+  /// Settles what was deferred.
   Joint joint(const std::vector<std::size_t>& active);
 
-  /// Everything anew: these means, and the landmarks of `joint` as inactive ones. The state keeps inactive landmarks.
+  /// Everything anew: these means, and the landmarks of `joint` as inactive ones. The state keeps inactive
+  /// landmarks.
   void restore(const SE3& pose, const Vector6d& twist, const Vector6d& bias, Joint joint);
 
-  /// The inactive landmarks are these instead: `covariance` (3k x 3k, m^2) of their errors d, independent of the active
-  /// errors.
+  /// The inactive landmarks are these instead: `covariance` (3k x 3k, m^2) of their errors d, independent of
+  /// the active errors.
   void adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance);
 
-  /// Another world frame: pose and landmarks are at to_T_world of where they were, and the errors along its axes. Throws
-  /// std::logic_error where landmarks are inactive.
+  /// Another world frame: pose and landmarks are at to_T_world of where they were, and the errors along its
+  /// axes. Throws std::logic_error where landmarks are inactive.
   void moveWorld(const SE3& to_T_world);
 
-  /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of pose and landmarks together, rigidly, past those
-  /// that are anchored or inactive. No measurement of landmarks that are not anchored sees it.
+  /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of pose and landmarks together,
+  /// rigidly, past those that are anchored or inactive. No measurement of landmarks that are not anchored
+  /// sees it.
   void loosen(const Matrix6d& noise);
 
   void addObservations(std::size_t index, std::size_t count) { landmarks_[index].observations += count; }
