@@ -11,9 +11,9 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view, to be worth keeping
-constexpr double kRounding = 1e-12;             // of the largest variance
-constexpr double kLeastVariance =
-    1e-12; // m^2, rad^2, ...: not zero, so that the covariance stays positive definite
+// rad, standard deviation after the gap: corrections of more are none that are linear.
+constexpr double kKnownRotation = 1.0;
+constexpr double kRounding = 1e-12; // of the largest variance
 
 SavedMap savedFrom(State& state, Stamp stamp) {
   std::vector<std::size_t> active;
@@ -45,7 +45,6 @@ State::Joint jointOf(const SavedMap& map) {
   auto variances = joint.covariance.diagonal();
   // Errors about the origin: what turns there shifts what is far away.
   const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(kRotation).maxCoeff();
-  variances.array() += kLeastVariance;
   variances.segment<3>(kPosition).array() += kRounding * largest;
   variances.tail(variances.size() - kLandmarks).array() += kRounding * largest;
   return joint;
@@ -70,18 +69,25 @@ void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double 
 void InvariantEstimator::resume(Stamp stamp) {
   const std::shared_ptr<const SavedMap> map = std::exchange(resumed_, nullptr);
   const double gap = secondsBetween(map->stamp, stamp);
-  State fresh = state_;
-  if (gap >= 0.0 && gap <= max_gap_s_) state_.restore(map->world_T_imu, map->twist, map->bias, jointOf(*map));
-  if (!(gap >= 0.0 && gap <= max_gap_s_) || !isSound(true)) {
-    state_ = std::move(fresh);
-    relocaliseIn(map);
-    return;
+  if (gap >= 0.0 && gap <= max_gap_s_) {
+    State restored = state_;
+    restored.restore(map->world_T_imu, map->twist, map->bias, jointOf(*map));
+    State ahead = restored;
+    ahead.propagate(gap, {config_.twist_density, config_.bias_density});
+    const double rotation = ahead.covariance().diagonal().segment<3>(kRotation).maxCoeff();
+    std::swap(state_, restored);
+    if (rotation <= kKnownRotation * kKnownRotation && isSound(true)) {
+      stamp_ = map->stamp;
+      gyro_graded_ = velocity_graded_ =
+          true; // the bias is an estimate, not what a sensor is given beforehand
+      rotation_variance_ = state_.poseCovariance().diagonal().tail<3>();
+      keepSound(true);
+      map_use_ = MapUse::kResumed;
+      return;
+    }
+    std::swap(state_, restored);
   }
-  stamp_ = map->stamp;
-  gyro_graded_ = velocity_graded_ = true; // the bias is an estimate, not what a sensor is given beforehand
-  rotation_variance_ = state_.poseCovariance().diagonal().tail<3>();
-  keepSound(true);
-  map_use_ = MapUse::kResumed;
+  relocaliseIn(map);
 }
 
 } // namespace vi_ekf_slam::invariant

@@ -91,7 +91,7 @@ TEST(Resume, RestoresTheWholeJointCovariance) {
     EXPECT_EQ(again->landmarks[i].observations, map->landmarks[i].observations);
     EXPECT_EQ(again->landmarks[i].position, map->landmarks[i].position);
   }
-  EXPECT_LT(worstCorrelationError(again->covariance, map->covariance), 1e-9);
+  EXPECT_LT(worstCorrelationError(again->covariance, map->covariance), 1e-7) << "rounding is allowed for";
 }
 
 TEST(Resume, IsAsUnsureAfterAGapAsTheMotionMakesIt) {
@@ -129,7 +129,7 @@ TEST(Resume, GoesOnAsIfNothingHadHappened) {
 TEST(Resume, IsARelocalisationWhereTheSavedMapIsTooOld) {
   Road road(7, 40, kTypical);
   const auto map = savedOf(driven(road, 60));
-  for (const double gap : {31.0, -0.1}) {
+  for (const double gap : {31.0, 20.0, -0.1}) { // after 20 s it may be turned any way
     const InvariantEstimator late = resumedFrom(map, gap);
     EXPECT_EQ(late.mapUse(), MapUse::kWaiting);
     EXPECT_LT(distance(late.state().world_T_imu.matrix(), SE3().matrix()), 1e-12);
