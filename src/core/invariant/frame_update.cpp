@@ -18,15 +18,17 @@ std::size_t countUsed(const FrameOutcome& outcome) {
 }
 
 /// The correction by the chosen observations alone, from P H^T and S of all of them. At least one is chosen.
+/// Its noise is not told: S^-1 = R^-1 (I - H K) cancels so much on real drives that the joint covariance of a
+/// settled map is no longer positive semidefinite.
 Correction correctionBy(const std::vector<Observation>& observations, const std::vector<bool>& chosen,
-                        Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Matrix3d& noise) {
+                        Eigen::MatrixXd PHt, Eigen::MatrixXd S) {
   Eigen::VectorXd innovation = stackInnovations(observations);
   keepChosen(chosen, PHt, S, innovation);
   std::vector<Observation> used;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (chosen[i]) used.push_back(observations[i]);
   }
-  return Correction(std::move(PHt), std::move(S), innovation, measurementMatrix(used), noise);
+  return Correction(std::move(PHt), std::move(S), innovation, measurementMatrix(used));
 }
 
 } // namespace
@@ -107,8 +109,7 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
   outcome.used = choose(observations, S, nis);
   const auto used = std::count(outcome.used.begin(), outcome.used.end(), true);
   if (used == 0) return std::nullopt;
-  Correction correction =
-      correctionBy(observations, outcome.used, std::move(PHt), std::move(S), model_.noise());
+  Correction correction = correctionBy(observations, outcome.used, std::move(PHt), std::move(S));
   if (!correction.isValid() || !(correction.nis() <= config_.frame_gate * 3.0 * static_cast<double>(used)))
     return std::nullopt;
   // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
@@ -151,8 +152,7 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
     passes[i] = normalisedInnovationSquared(again[i], S.block<3, 3>(row, row)) < config_.gate;
   }
   if (std::count(passes.begin(), passes.end(), true) == 0) return;
-  if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S), model_.noise()),
-                   &model_.rig().cam_T_imu))
+  if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S)), &model_.rig().cam_T_imu))
     return;
   for (std::size_t i = 0; i < again.size(); ++i) {
     if (passes[i]) outcome.used[index[i]] = true;
