@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs the fuzz targets (libFuzzer, AddressSanitizer, UBSan), SECONDS each: scripts/fuzz.sh [SECONDS [TARGET ...]]
-# Targets: estimator, config, messages, bag (default: all, 60 s each). What they find new stays in build/fuzz/found/TARGET and is
+# Targets: estimator, config, messages, bag, map (default: all, 60 s each). What they find new stays in build/fuzz/found/TARGET and is
 # taken up again by the next run; an input that breaks something goes to build/fuzz/crash-* and makes the exit code 1.
 # RUNS=N ends a target after N inputs instead, the same ones each time (seed 1).
 
@@ -11,7 +11,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 seconds="${1:-60}"
 [[ "$seconds" =~ ^[0-9]+$ ]] || fail "SECONDS is '$seconds', allowed: a whole number"
 shift || true
-[ $# -gt 0 ] || set -- estimator config messages bag
+[ $# -gt 0 ] || set -- estimator config messages bag map
 folder="$build/fuzz"
 corpus="$root/test/fuzz/corpus"
 
@@ -29,7 +29,7 @@ export ASAN_OPTIONS="detect_leaks=1:allocator_may_return_null=0"
 
 mkdir -p "$folder"
 for name in "$@"; do
-  [ -d "$corpus/$name" ] || fail "unknown target '$name'; known are: estimator, config, messages, bag"
+  [ -d "$corpus/$name" ] || fail "unknown target '$name'; known are: estimator, config, messages, bag, map"
 done
 command -v clang++ >/dev/null || fail "needs clang++: on Debian 12 setup.sh installs it, elsewhere: apt-get install clang"
 say "building the fuzz targets ($folder)"

@@ -208,7 +208,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
-       << format("\nblind_s: %.3f", c.blind_s)
+       << "\nrelocalisations: " << c.relocalisations << format("\nblind_s: %.3f", c.blind_s)
        << "\nblind_periods: " << c.blind_periods << "\n"
        << divergences(c) << "resets: " << c.resets << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)

@@ -132,11 +132,34 @@ void SlamSystem::reset(const std::string& reason) {
   buffer_.clear();
   estimator_ = makeEstimator(config_);
   if (rig_) estimator_->setRig(*rig_);
+  if (loaded_map_) estimator_->relocaliseIn(loaded_map_);
   dead_reckoning_ = DeadReckoning();
   first_stamp_.reset();
   blindness_.restart();
   ++counts_.resets;
   if (on_reset_) on_reset_(reason);
+}
+
+void SlamSystem::requireJointMap(const std::string& source) const {
+  if (estimator_->keepsJointMap()) return;
+  throw MapError(
+      source +
+      ": the configured estimator has no use for a map; estimator: invariant with map.keep: good or all has");
+}
+
+void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string& source) {
+  requireJointMap(source);
+  loaded_map_ = std::move(map);
+  if (first_stamp_) {
+    reset("map loaded from " + source);
+  } else {
+    estimator_->relocaliseIn(loaded_map_);
+  }
+}
+
+void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source) {
+  requireJointMap(source);
+  estimator_->resumeFrom(std::move(map), config_.buffer.max_gap_s);
 }
 
 void SlamSystem::process(const Measurement& measurement) {
@@ -171,6 +194,7 @@ void SlamSystem::count(const FrameReport& report) {
   counts_.frames_rejected += report.frame_rejected ? 1 : 0;
   counts_.landmarks_revisited += report.revisited;
   counts_.places_recognised += report.place_recognised ? 1 : 0;
+  counts_.relocalisations += report.relocalised ? 1 : 0;
   if (report.divergence != Divergence::kNone)
     ++counts_.divergences[static_cast<std::size_t>(report.divergence)];
   if (report.used > 0) blindness_.noteUse();

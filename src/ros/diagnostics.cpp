@@ -43,6 +43,7 @@ Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const S
   updater_.add("calibration", this, &Diagnostics::calibration);
   updater_.add("estimator", this, &Diagnostics::estimator);
   updater_.add("divergence", this, &Diagnostics::divergence);
+  updater_.add("map", this, &Diagnostics::map);
   updater_.add("load", this, &Diagnostics::load);
   updater_.add("dropped", this, &Diagnostics::drops);
 }
@@ -130,6 +131,20 @@ void Diagnostics::divergence(Status& status) {
   }
 }
 
+void Diagnostics::map(Status& status) {
+  switch (system_.estimator().mapUse()) {
+    case MapUse::kNone:
+      return status.summary(DiagnosticStatus::OK, "begun anew, no map loaded");
+    case MapUse::kWaiting:
+      return status.summary(DiagnosticStatus::WARN,
+                            "map loaded, not yet relocalised: poses are in a frame of their own");
+    case MapUse::kRelocalised:
+      return status.summary(DiagnosticStatus::OK, "relocalised in the loaded map");
+    case MapUse::kResumed:
+      return status.summary(DiagnosticStatus::OK, "resumed from the saved map");
+  }
+}
+
 std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
   auto all = intake_.turnedAway();
   const auto note = [&all](const std::string& reason, std::uint64_t count) {
@@ -189,6 +204,7 @@ void Diagnostics::drops(Status& status) {
   status.add("landmarks revisited", c.landmarks_revisited);
   status.add("places recognised", c.places_recognised);
   status.addf("blind, in all (s of sensor time)", "%.1f", c.blind_s);
+  status.add("relocalisations", c.relocalisations);
   status.add("gaps", c.gaps);
   status.add("resets", c.resets);
   if (drops > reported_drops_) {

@@ -34,7 +34,8 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
     // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
-    yaml = toYaml(tree, {"output_dir", "autosave_period", "diagnostic_period", "tuning"});
+    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                         "diagnostic_period", "tuning"});
   }
   settings.config = parseFullConfig(yaml, settings.source);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
@@ -48,6 +49,9 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
                       ": autosave_period must be a number of seconds from 0 (never) to 1e6");
   }
   settings.output_dir = absolutePath(settings.output_dir);
+  settings.maps = MapStore::readSettings(private_nh, settings.source,
+                                         {settings.output_dir, {}, false, settings.config.ros.map_frame});
+  settings.maps.map_file = absolutePath(settings.maps.map_file);
   if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
   return settings;
 }
@@ -65,9 +69,11 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
     : nh_(std::move(nh)),
       private_nh_(std::move(private_nh)),
       settings_(readSettings(private_nh_)),
+      maps_(settings_.maps),
       system_(settings_.config.core),
       intake_(system_, settings_.config.ros, resolvedTopics(nh_)),
       sequencer_([this](const Output& output, bool is_frame) {
+        if (output.report.relocalised) publishers_.reset(); // earlier poses are in another frame
         publishers_.publish(output, is_frame, intake_.imuFrame());
         diagnostics_.noteOutput(output, is_frame);
       }),
@@ -77,6 +83,7 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
       queue_({settings_.config.ros.max_latency_s, 3 * settings_.config.ros.input_queue_size}) {
   connectSystem();
+  maps_.begin(system_);
   subscribe();
   advertiseServices();
   worker_ = std::thread(&SlamNode::work, this); // last: nothing that may throw comes after it
@@ -137,7 +144,8 @@ void SlamNode::advertiseServices() {
   nh.setCallbackQueue(&service_queue_);
   services_ = {nh.advertiseService("reset", &SlamNode::serveReset, this),
                nh.advertiseService("save_trajectory", &SlamNode::serveSaveTrajectory, this),
-               nh.advertiseService("save_map", &SlamNode::serveSaveMap, this)};
+               nh.advertiseService("save_map", &SlamNode::serveSaveMap, this),
+               nh.advertiseService("load_map", &SlamNode::serveLoadMap, this)};
   tuning_ = std::make_unique<Tuning>(nh, settings_.config, [this](const TuningConfig& t) { return tune(t); });
   service_spinner_.start();
 }
@@ -206,6 +214,12 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
         << kDivergenceNames[static_cast<std::size_t>(output.report.divergence)]
         << "); it goes on from where it was, without its landmarks and with a larger covariance");
   }
+  if (output.report.relocalised) {
+    ROS_INFO_STREAM(
+        "relocalised in the loaded map; from now on poses and landmarks are in its frame, and paths start "
+        "anew");
+    writer_.restart();
+  }
   if (is_frame) {
     sequencer_.addFrame(output);
   } else {
@@ -262,20 +276,26 @@ void SlamNode::warn() {
   ROS_WARN_STREAM(warning);
 }
 
+std::function<SavedMap()> SlamNode::mapToKeep() const {
+  return maps_.keepsSaved() ? maps_.snapshot(system_.estimator()) : nullptr;
+}
+
 /// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
 void SlamNode::autosave() {
   if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
   last_autosave_ = WorkQueue::Clock::now();
-  autosave_ = std::async(std::launch::async, [this, writer = writer_, summary = summary(),
-                                              landmarks = system_.estimator().landmarks()] {
-    const auto start = WorkQueue::Clock::now();
-    try {
-      save(writer, settings_.output_dir, summary, landmarks);
-    } catch (const std::exception& e) {
-      ROS_ERROR_STREAM("not saved: " << e.what());
-    }
-    autosave_cost_s_ = secondsSince(start);
-  });
+  autosave_ =
+      std::async(std::launch::async, [this, writer = writer_, summary = summary(),
+                                      landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
+        const auto start = WorkQueue::Clock::now();
+        try {
+          save(writer, settings_.output_dir, summary, landmarks);
+          if (map) maps_.write(map);
+        } catch (const std::exception& e) {
+          ROS_ERROR_STREAM("not saved: " << e.what());
+        }
+        autosave_cost_s_ = secondsSince(start);
+      });
 }
 
 void SlamNode::stopWork() {
@@ -306,7 +326,8 @@ void SlamNode::finish() {
       publishers_.publishAll();
     }
     if (settings_.output_dir.empty()) return;
-    save(writer_, settings_.output_dir, summary(), system_.estimator().landmarks());
+    save(writer_, settings_.output_dir, summary(), system_.estimator().exactLandmarks());
+    if (const auto map = mapToKeep()) maps_.write(map);
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << settings_.output_dir);
   } catch (const std::exception& e) {
     ROS_ERROR_STREAM("not saved: " << e.what());
@@ -353,8 +374,44 @@ bool SlamNode::serveSaveTrajectory(std_srvs::Trigger::Request& /*request*/,
 }
 
 bool SlamNode::serveSaveMap(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
-  return saveService([this] { writer_.writeMap(settings_.output_dir, system_.estimator().landmarks()); },
-                     response);
+  std::function<SavedMap()> map;
+  saveService(
+      [&] {
+        writer_.writeMap(settings_.output_dir, system_.estimator().exactLandmarks());
+        map = maps_.snapshot(system_.estimator());
+      },
+      response);
+  if (!response.success) return true;
+  if (!map) {
+    response.message +=
+        ", but no map.bag: the estimator keeps no joint covariance yet, or is not relocalised in what it "
+        "loaded";
+    return true;
+  }
+  try {
+    maps_.write(map); // in this thread: the exact covariance takes its time
+    maps_.askFor();
+  } catch (const std::exception& e) {
+    response.success = 0;
+    response.message = e.what();
+  }
+  return true;
+}
+
+/// The file is read before anything is given up for it.
+bool SlamNode::serveLoadMap(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+  response.success = 0;
+  try {
+    const auto map = maps_.load();
+    const bool done = runInWorker([&] { system_.loadMap(map, maps_.source()); });
+    response.success = done ? 1 : 0;
+    response.message = done ? "loaded " + maps_.source() + " with " + std::to_string(map->landmarks.size()) +
+                                  " landmarks; not yet relocalised in it"
+                            : "nothing loaded: the node is ending";
+  } catch (const std::exception& e) {
+    response.message = e.what();
+  }
+  return true;
 }
 
 } // namespace vi_ekf_slam

@@ -1,12 +1,10 @@
 #include "bag_input.hpp"
 
-#include <cstdint>
-#include <filesystem>
 #include <map>
 #include <set>
 #include <vector>
 
-#include "wire_check.hpp"
+#include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -42,32 +40,13 @@ std::string listOf(const rosbag::View& view) {
 /// Calls `use` with the message, or throws if the bag's definition of the type is another one.
 template <typename Message, typename Use>
 void instantiate(const rosbag::MessageInstance& instance, const Use& use) {
-  if (!instance.isType<Message>()) {
-    throw BagError(instance.getTopic() + ": the bag's definition of " + instance.getDataType() +
-                   " is not the one that this program was built with");
-  }
-  std::vector<std::uint8_t> bytes(instance.size());
-  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-  instance.write(stream);
-  use(wire::read<Message>(bytes));
-}
-
-void openBag(rosbag::Bag& bag, const std::string& path) {
-  if (!std::filesystem::exists(path)) throw BagError(path + ": no such file");
-  if (!std::filesystem::is_regular_file(path)) throw BagError(path + ": is not a file");
-  if (std::filesystem::file_size(path) == 0) throw BagError(path + ": is empty");
-  checkBagStructure(path);
-  try {
-    bag.open(path, rosbag::bagmode::Read);
-  } catch (const std::exception& e) { // a damaged file can make rosbag throw more than BagException
-    throw BagError(path + ": is not a bag that can be read: " + e.what());
-  }
+  use(wire::read<Message>(instance));
 }
 
 } // namespace
 
 BagInput::BagInput(const std::string& path, const InputTopics& topics) : path_(path), topics_(topics) {
-  openBag(bag_, path);
+  openCheckedBag(bag_, path);
   std::vector<std::string> names;
   for (const auto& expected : expectedTypes(topics_)) names.push_back(expected.first);
   try {

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "bag_structure.hpp"
+#include "vi_ekf_slam/ros/bag_structure.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 
 namespace vi_ekf_slam {

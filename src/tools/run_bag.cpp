@@ -3,11 +3,13 @@
 #include <csignal>
 #include <cstdio>
 #include <iostream>
+#include <memory>
 
 #include "bag_input.hpp"
 #include "progress.hpp"
 #include "run_bag_options.hpp"
 #include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -52,8 +54,18 @@ int run(const RunBagOptions& options) {
   BagInput input(options.bag, options.topics);
   RunWriter::makeDirectory(options.output);
   SlamSystem system(config.core);
+  if (!options.load_map.empty())
+    system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
+  if (options.save_map && !system.estimator().keepsJointMap())
+    throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
   RunWriter writer;
-  system.onFrame([&writer](const Output& output) { writer.addFrame(output); });
+  system.onFrame([&](const Output& output) {
+    if (output.report.relocalised) {
+      std::cerr << "run_bag: relocalised at " << stampText(output.state.stamp) << std::endl;
+      writer.restart(); // earlier poses are in another frame
+    }
+    writer.addFrame(output);
+  });
   system.onGyro([&writer](const Output& output) { writer.addGyro(output); });
   system.onReset([&writer](const std::string& reason) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
@@ -83,6 +95,8 @@ int run(const RunBagOptions& options) {
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());
+  const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
+  if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
   if (!options.quiet) printSummary(options, writer, summary, landmarks.size());
   if (problem.empty()) return kOk;
   std::cerr << "run_bag: " << problem << std::endl;
@@ -107,6 +121,9 @@ int main(int argc, char** argv) {
     std::cerr << "run_bag: " << e.what() << "\nTry 'run_bag --help'." << std::endl;
     return kUsage;
   } catch (const BagError& e) {
+    std::cerr << "run_bag: " << e.what() << std::endl;
+    return kInput;
+  } catch (const MapError& e) {
     std::cerr << "run_bag: " << e.what() << std::endl;
     return kInput;
   } catch (const std::exception& e) { // configuration, or an output that cannot be written

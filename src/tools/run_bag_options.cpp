@@ -19,6 +19,8 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
   --right-info TOPIC   sensor_msgs/CameraInfo                         [/right/camera_info]
   --topic-prefix NAME  put before each of the five names above; the transform from the IMU to the left camera
                        always comes from /tf_static (or /tf)
+  --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
+  --load-map FILE      a map.bag to relocalise in, by ids that return
   --quiet              errors only
   --help               this text
 
@@ -54,6 +56,7 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
   std::string prefix;
   const std::map<std::string, std::string*> valued = {{"--config", &options.config},
                                                       {"--output", &options.output},
+                                                      {"--load-map", &options.load_map},
                                                       {"--topic-prefix", &prefix},
                                                       {"--imu", &options.topics.imu},
                                                       {"--velocity", &options.topics.velocity},
@@ -68,6 +71,8 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
       options.help = true;
     } else if (argument == "--quiet") {
       options.quiet = true;
+    } else if (argument == "--save-map") {
+      options.save_map = true;
     } else if (option != valued.end() && equals != std::string::npos) {
       *option->second = argument.substr(equals + 1);
     } else if (option != valued.end()) {

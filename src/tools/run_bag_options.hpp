@@ -17,6 +17,8 @@ struct RunBagOptions {
   std::string bag;
   std::string config;
   std::string output;
+  std::string load_map;  ///< empty: none
+  bool save_map = false; ///< DIR/map.bag too
   InputTopics topics; ///< absolute names
   bool quiet = false;
   bool help = false;

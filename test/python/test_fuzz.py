@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from conftest import script_path
 
-TARGETS = ["estimator", "config", "messages", "bag"]
+TARGETS = ["estimator", "config", "messages", "bag", "map"]
 RUNS = 100  # beyond it: scripts/fuzz.sh SECONDS
 
 

@@ -5,8 +5,12 @@
 
 namespace vi_ekf_slam {
 
-/// A file that appears under its name only when it is complete: written under a temporary name beside it, then renamed.
-/// Not committed, it leaves nothing.
+/// Renames a file within its folder, in the place of what has the name, once it is on the disk: neither a
+/// kill nor a loss of power leaves half of it under the name. Throws std::runtime_error with `to` and cause.
+void renameDurably(const std::string& from, const std::string& to);
+
+/// A file that appears under its name only when it is complete: written under a temporary name beside it,
+/// then renamed. Not committed, it leaves nothing.
 class AtomicFile {
  public:
   explicit AtomicFile(const std::string& path);

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "vi_ekf_slam/core/divergence_monitor.hpp"
 #include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/saved_map.hpp"
 #include "vi_ekf_slam/core/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
@@ -42,6 +44,8 @@ struct FrameReport {
   std::size_t removed = 0;     ///< landmarks that are no longer active
   std::size_t revisited = 0;   ///< landmarks found to be ones that were seen before
   bool place_recognised = false; ///< by the constellation of the landmarks
+  bool relocalised =
+      false; ///< in the loaded map: from this frame on all poses and landmarks are in its frame
   std::size_t landmarks = 0;   ///< in the state after the frame, active
   std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
   bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
@@ -52,6 +56,14 @@ struct FrameReport {
   /// The estimate was no longer believed, for this reason, and begun anew from where it was: without
   /// landmarks, and with a covariance that covers what may have gone wrong.
   Divergence divergence = Divergence::kNone;
+};
+
+/// What became of a map that was given to an estimator.
+enum class MapUse {
+  kNone,        ///< none was given
+  kWaiting,     ///< the vehicle has not found its place in it yet: estimates are in a frame of their own
+  kRelocalised, ///< estimates are in its frame
+  kResumed,     ///< they are, from the first one on
 };
 
 /// Limits of what is used of a frame, see InvariantConfig.
@@ -83,6 +95,19 @@ class Estimator {
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
   /// The same with the covariances of now, which may take as long as some seconds of the drive did.
   virtual std::vector<LandmarkEstimate> exactLandmarks() const { return landmarks(); }
+
+  /// Whether it keeps a joint covariance of pose and map; only then the following do anything.
+  virtual bool keepsJointMap() const { return false; }
+  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactLandmarks does,
+  /// and may be done in any thread. Empty where there is nothing yet.
+  virtual std::function<SavedMap()> savedMap() const { return {}; }
+  /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is
+  /// its own.
+  virtual void relocaliseIn(std::shared_ptr<const SavedMap> /*map*/) {}
+  /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first
+  /// measurement; else as relocaliseIn.
+  virtual void resumeFrom(std::shared_ptr<const SavedMap> /*map*/, double /*max_gap_s*/) {}
+  virtual MapUse mapUse() const { return MapUse::kNone; }
 };
 
 struct Config;

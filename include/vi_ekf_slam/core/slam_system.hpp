@@ -50,6 +50,7 @@ struct SystemCounts {
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
   std::uint64_t places_recognised = 0;
+  std::uint64_t relocalisations = 0;                         ///< in a loaded map
   std::array<std::uint64_t, kDivergenceCount> divergences{}; ///< recovered from, by Divergence
   double blind_s = 0.0; ///< s of sensor time in periods without a correction by features, see Blindness
   std::uint64_t blind_periods = 0; ///< their number
@@ -86,8 +87,15 @@ class SlamSystem {
   /// From now on, also after a reset.
   void setGates(const Gates& gates);
 
-  /// Forgets state and map, keeps calibration and counts.
+  /// Forgets state and map, keeps calibration, counts and what was loaded.
   void reset(const std::string& reason);
+
+  /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator
+  /// that keeps no joint map.
+  void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
+  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws
+  /// MapError as above.
+  void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
 
   const Estimator& estimator() const { return *estimator_; }
   const SystemCounts& counts() const { return counts_; }
@@ -95,6 +103,7 @@ class SlamSystem {
   const Config& config() const { return config_; }
 
  private:
+  void requireJointMap(const std::string& source) const;
   bool waitingForRig() const;
   bool countInvalid(const Measurement& measurement);
   void buffer(Measurement measurement);
@@ -110,6 +119,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> estimator_;
   DeadReckoning dead_reckoning_;
   std::optional<StereoRig> rig_;
+  std::shared_ptr<const SavedMap> loaded_map_;
   std::optional<Stamp> first_stamp_;
   Blindness blindness_;
   SystemCounts counts_;

@@ -60,6 +60,7 @@ class Diagnostics {
   void calibration(Status& status);
   void estimator(Status& status);
   void divergence(Status& status);
+  void map(Status& status);
   void load(Status& status);
   void drops(Status& status);
 

@@ -17,6 +17,7 @@
 #include "vi_ekf_slam/ros/diagnostics.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/load_control.hpp"
+#include "vi_ekf_slam/ros/map_store.hpp"
 #include "vi_ekf_slam/ros/output_sequencer.hpp"
 #include "vi_ekf_slam/ros/publishers.hpp"
 #include "vi_ekf_slam/ros/tuning.hpp"
@@ -31,7 +32,8 @@ namespace vi_ekf_slam {
 /// have a thread of their own, hand their work to the worker and wait for it.
 class SlamNode {
  public:
-  /// Throws ConfigError (or std::runtime_error when output_dir cannot be made): the node must not start then.
+  /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the
+  /// node must not start then.
   SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh);
   /// Calls finish().
   ~SlamNode();
@@ -51,11 +53,13 @@ class SlamNode {
     std::string source;     ///< where the parameters are, for messages
     std::string output_dir; ///< absolute; empty: nothing is saved
     double autosave_period_s = 60.0; ///< s of wall time; 0: saved at the end only
+    MapStore::Settings maps;
   };
 
   static Settings readSettings(const ros::NodeHandle& private_nh);
   static InputTopics resolvedTopics(const ros::NodeHandle& nh);
 
+  std::function<SavedMap()> mapToKeep() const;
   void connectSystem();
   void subscribe();
   void advertiseServices();
@@ -81,10 +85,12 @@ class SlamNode {
   bool serveReset(std_srvs::Empty::Request& request, std_srvs::Empty::Response& response);
   bool serveSaveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool serveSaveMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
+  bool serveLoadMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
   ros::NodeHandle nh_;
   ros::NodeHandle private_nh_;
   Settings settings_;
+  MapStore maps_;
   SlamSystem system_;
   Intake intake_;
   OutputSequencer sequencer_;

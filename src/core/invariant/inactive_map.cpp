@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::size_t kChunkSteps = 64;
 constexpr std::size_t kChunksOfStretch = 8; // about
+constexpr std::uint64_t kDeparturesElsewhere = std::uint64_t{1} << 40; // more than any drive has
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
 
@@ -65,6 +66,30 @@ void InactiveMap::forgetChunk() {
   journal_.pop_front();
 }
 
+void InactiveMap::adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance, Eigen::MatrixXd cross) {
+  InactiveMap adopted(most_journal_bytes_);
+  for (const Landmark& landmark : landmarks) {
+    if (!adopted.ids_.emplace(landmark.id, ++adopted.last_serial_).second)
+      throw std::logic_error("landmark " + std::to_string(landmark.id) + " is held already");
+  }
+  adopted.settled_->serials.resize(landmarks.size());
+  std::iota(adopted.settled_->serials.begin(), adopted.settled_->serials.end(), std::uint64_t{1});
+  adopted.last_serial_ += kDeparturesElsewhere;
+  adopted.settled_->landmarks = std::move(landmarks);
+  adopted.settled_->rows = cross.rows();
+  adopted.settled_->covariance = std::move(covariance);
+  adopted.settled_->cross = std::move(cross);
+  *this = std::move(adopted);
+}
+
+std::vector<std::size_t> InactiveMap::settledByAge() const {
+  std::vector<std::size_t> order(settled_->landmarks.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(),
+            [this](std::size_t a, std::size_t b) { return settled_->serials[a] < settled_->serials[b]; });
+  return order;
+}
+
 /// Steps before the first departure matter to nobody where nothing is settled.
 void InactiveMap::forgetSteps() {
   if (settledCount() > 0) return;
@@ -89,7 +114,13 @@ const InactiveMap::Departure* InactiveMap::departureOf(const Removal& removal) c
 }
 
 InactiveMap::Settled& InactiveMap::ownSettled() {
-  if (settled_.use_count() > 1) settled_ = std::make_shared<Settled>(*settled_);
+  if (settled_.use_count() > 1) {
+    settled_ = std::make_shared<Settled>(*settled_);
+  } else {
+    // The last other owner may have been a copy in another thread: letting go of one more owner here orders
+    // what it read before what is written now (use_count() alone orders nothing).
+    const std::shared_ptr<Settled> owner = settled_;
+  }
   return *settled_;
 }
 
@@ -260,10 +291,7 @@ std::vector<InactiveLandmark> InactiveMap::marginaliseOldest(std::size_t count, 
   std::vector<InactiveLandmark> all = estimates(size, Covariances::kLastSettled);
   // Settled ones first, by their numbers; whoever left since has a greater number.
   const std::size_t settled_before = settled_->landmarks.size();
-  std::vector<std::size_t> order(settled_before);
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(),
-            [this](std::size_t a, std::size_t b) { return settled_->serials[a] < settled_->serials[b]; });
+  std::vector<std::size_t> order = settledByAge();
   order.resize(std::min(order.size(), count));
   std::vector<InactiveLandmark> gone;
   for (const std::size_t i : order) gone.push_back(all[i]);

@@ -46,6 +46,7 @@ void InvariantEstimator::setRig(const StereoRig& rig) {
 void InvariantEstimator::setGates(const Gates& gates) { vi_ekf_slam::setGates(config_, gates); }
 
 void InvariantEstimator::advanceTo(Stamp stamp) {
+  if (resumed_) resume(stamp);
   if (stamp_ && stamp > *stamp_) {
     ProcessNoise noise{config_.twist_density, config_.bias_density};
     if (!config_.twist_state) noise.twist_density.setZero();
@@ -160,6 +161,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
       boundInactive();
       revisit(report);
       recognisePlace(report);
+      if (loaded_) relocalise(report);
     }
   }
   keepSound(true);

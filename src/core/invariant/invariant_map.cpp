@@ -1,8 +1,8 @@
 // What InvariantEstimator does with landmarks out of view.
 
 #include <algorithm>
-#include <map>
 #include <unordered_map>
+#include <utility>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/twin_fusion.hpp"
@@ -131,6 +131,12 @@ void InvariantEstimator::revisit(FrameReport& report) {
   }
   if (ids.size() < kLeastTwins || settling_allowance_ < cost) return;
   settling_allowance_ -= cost;
+  report.revisited += fuseReturned(std::move(ids), kLeastTwins);
+}
+
+/// Fuses the active landmarks of these ids with the inactive ones, where at least `least` of them agree. How
+/// many were.
+std::size_t InvariantEstimator::fuseReturned(std::vector<FeatureId> ids, std::size_t least) {
   const std::unordered_map<FeatureId, std::size_t> now = state_.indexById();
   const std::size_t first = state_.landmarks().size();
   const bool long_ago = std::any_of(ids.begin(), ids.end(), [&](FeatureId id) {
@@ -142,7 +148,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
     if (!now.count(id)) ids.push_back(id);
   }
   state_.activateLandmarks(ids);
-  const TwinFusion fusion = fuseTwins(state_, twins, kLeastTwins, kSamePoint);
+  const TwinFusion fusion = fuseTwins(state_, twins, least, kSamePoint);
   const bool recognised = fusion.dof > 0;
   if (recognised && long_ago) loop_closed_ = true;
   for (std::size_t i = ids.size(); i-- > twins.size();) {
@@ -152,17 +158,19 @@ void InvariantEstimator::revisit(FrameReport& report) {
       state_.deactivateLandmark(first + i);
     }
   }
+  std::size_t fused = 0;
   // From behind: whoever takes a place comes from behind it.
   for (std::size_t i = twins.size(); i-- > 0;) {
     if (fusion.fused[i]) {
       state_.addObservations(twins[i].now, state_.landmarks()[twins[i].before].observations);
       state_.removeLandmark(twins[i].before);
-      ++report.revisited;
+      ++fused;
     } else {
       state_.deactivateLandmark(twins[i].before);
       disputed_.insert(ids[i]);
     }
   }
+  return fused;
 }
 
 LandmarkEstimate InvariantEstimator::estimateOf(std::size_t landmark) const {
@@ -179,18 +187,20 @@ std::vector<LandmarkEstimate> InvariantEstimator::exactLandmarks() const {
 }
 
 std::vector<LandmarkEstimate> InvariantEstimator::landmarks(InactiveMap::Covariances covariances) const {
-  std::map<FeatureId, LandmarkEstimate> all = archive_.landmarks();
-  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) {
-    all.insert_or_assign(state_.landmarks()[i].id, estimateOf(i));
-  }
-  // Of one that is seen again but not yet fused, the map's estimate is the one that stays.
-  for (const InactiveLandmark& inactive : state_.inactiveLandmarks(covariances)) {
-    all.insert_or_assign(inactive.landmark.id, invariant::estimateOf(inactive));
-  }
-  std::vector<LandmarkEstimate> result;
-  result.reserve(all.size());
-  for (const auto& [id, landmark] : all) result.push_back(landmark);
-  return result;
+  // Of several estimates of one landmark the first one stays: of one that is seen again but not yet fused the map's.
+  std::vector<LandmarkEstimate> all;
+  all.reserve(archive_.landmarks().size() + state_.landmarks().size() +
+              (state_.keepsInactive() ? state_.inactive().size() : 0));
+  for (const InactiveLandmark& inactive : state_.inactiveLandmarks(covariances))
+    all.push_back(invariant::estimateOf(inactive));
+  for (std::size_t i = 0; i < state_.landmarks().size(); ++i) all.push_back(estimateOf(i));
+  for (const auto& [id, landmark] : archive_.landmarks()) all.push_back(landmark);
+  std::stable_sort(all.begin(), all.end(),
+                   [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id < b.id; });
+  all.erase(std::unique(all.begin(), all.end(),
+                        [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id == b.id; }),
+            all.end());
+  return all;
 }
 
 } // namespace vi_ekf_slam::invariant

@@ -15,7 +15,7 @@ namespace {
 
 using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 
-// S over R, up to which P^+ H^T R^-1 is K: rounding grows by as much.
+// S over R, up to which S^-1 is had from K: rounding grows by as much.
 constexpr double kMostLearned = 1e4;
 
 } // namespace
@@ -105,21 +105,16 @@ Correction::Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Vect
   valid_ = nis_ >= 0.0 && error_.allFinite();
 }
 
-/// After apply has put P H^T L^-T in the place of PHt_. `corrected` is the covariance after the update: K is
-/// P^+ H^T R^-1, which is cheap, or A L^-1.
-KalmanUpdate Correction::takeUpdate(const Eigen::Ref<const Eigen::MatrixXd>& corrected) {
-  if (!noise_) {
-    L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(PHt_);
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L_.rows(), L_.cols());
-    L_.triangularView<Eigen::Lower>().solveInPlace(inverse);
-    L_.transpose().triangularView<Eigen::Upper>().solveInPlace(inverse);
-    return {std::move(PHt_), std::move(H_), std::move(weighted_), std::move(inverse),
-            Eigen::Matrix3d::Zero()};
-  }
-  const Eigen::Matrix3d R_inverse = noise_->inverse();
-  Eigen::MatrixXd K = H_.timesTransposed(corrected);
-  for (Eigen::Index i = 0; i < K.cols(); i += 3) K.middleCols<3>(i) *= R_inverse;
-  return {std::move(K), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), R_inverse};
+/// After apply has put A = P H^T L^-T in the place of PHt_. K = A L^-1 moves what is correlated with the errors just as
+/// P - A A^T moves the errors; P^+ H^T R^-1, which would be cheaper, does not to the last digits.
+KalmanUpdate Correction::takeUpdate() {
+  L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(PHt_);
+  if (noise_)
+    return {std::move(PHt_), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), noise_->inverse()};
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L_.rows(), L_.cols());
+  L_.triangularView<Eigen::Lower>().solveInPlace(inverse);
+  L_.transpose().triangularView<Eigen::Upper>().solveInPlace(inverse);
+  return {std::move(PHt_), std::move(H_), std::move(weighted_), std::move(inverse), Eigen::Matrix3d::Zero()};
 }
 
 bool State::apply(Correction correction, const SE3* cam_T_imu) {
@@ -133,7 +128,7 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   auto P = covariance_.topLeftCorner(size(), size());
   P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
   mirrorLower(P);
-  if (inactive_) record(correction.takeUpdate(P));
+  if (inactive_) record(correction.takeUpdate());
   std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
   if (!M.empty()) {
     transport(M);

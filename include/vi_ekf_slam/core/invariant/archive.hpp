@@ -15,6 +15,10 @@ class Archive {
 
   /// An estimate of the same id is replaced.
   void put(const LandmarkEstimate& landmark);
+  /// All estimates are in another frame, at to_T_frame of where they were. The transform's error along the
+  /// new axes, of covariance `alignment` (6x6 of position and rotation about `about`), may be correlated with
+  /// theirs in any way.
+  void move(const SE3& to_T_frame, const Eigen::Vector3d& about, const Matrix6d& alignment);
   const std::map<FeatureId, LandmarkEstimate>& landmarks() const { return landmarks_; }
 
  private:

@@ -45,6 +45,11 @@ class InactiveMap {
   void add(const Landmark& landmark, const Eigen::Matrix3d& covariance, Columns3 cross, Eigen::Index row,
            Eigen::Index size);
 
+  /// Landmarks from elsewhere (unique ids, the first one longest out of view) in the place of all that are
+  /// held, out of view for longer than any that leaves from now on: `covariance` of their errors d (3k x 3k,
+  /// m^2, world axes) and `cross` (n x 3k) of the active errors with them.
+  void adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+
   /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks
   /// to return. The cost is that of size() updates of the joint covariance.
   void settle(Eigen::Index size, std::size_t arrivals);
@@ -64,6 +69,13 @@ class InactiveMap {
   void appendActive(const Eigen::Matrix<double, 3, Eigen::Dynamic>& rows);
   /// Covariance of the active errors with the d of the settled landmarks (n x 3k).
   auto settledCross() const { return settled_->cross.topLeftCorner(settled_->rows, 3 * settledCount()); }
+  /// The settled landmarks and the covariance of their d (3k x 3k).
+  const std::vector<Landmark>& settledLandmarks() const { return settled_->landmarks; }
+  auto settledCovariance() const {
+    return settled_->covariance.topLeftCorner(3 * settledCount(), 3 * settledCount());
+  }
+  /// Their places in settledLandmarks(), the one that is longest out of view first.
+  std::vector<std::size_t> settledByAge() const;
 
   /// Marginalises the `count` landmarks that are longest out of view: the rest stays exact. Returns them as
   /// `estimates` would.

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <memory>
 #include <optional>
 #include <unordered_map>
 #include <unordered_set>
@@ -33,6 +35,11 @@ class InvariantEstimator : public Estimator {
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
   std::vector<LandmarkEstimate> exactLandmarks() const override;
+  bool keepsJointMap() const override { return state_.keepsInactive(); }
+  std::function<SavedMap()> savedMap() const override;
+  void relocaliseIn(std::shared_ptr<const SavedMap> map) override;
+  void resumeFrom(std::shared_ptr<const SavedMap> map, double max_gap_s) override;
+  MapUse mapUse() const override { return map_use_; }
 
  private:
   static State initialState(const InvariantConfig& config);
@@ -69,6 +76,11 @@ class InvariantEstimator : public Estimator {
   void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown, std::vector<bool>& keep,
                     FrameReport& report);
   void revisit(FrameReport& report);
+  std::size_t fuseReturned(std::vector<FeatureId> ids, std::size_t least);
+  void resume(Stamp stamp);
+  void relocalise(FrameReport& report);
+  std::vector<FeatureId> agreeingWithMap(SE3& map_T_session) const;
+  bool moveIntoMap(const SE3& map_T_session, const std::vector<FeatureId>& ids);
   void recognisePlace(FrameReport& report);
   std::vector<FeatureId> soonInView() const;
   bool isLongOutOfView(FeatureId inactive) const;
@@ -80,6 +92,13 @@ class InvariantEstimator : public Estimator {
     Matrix6d pose_covariance = Matrix6d::Zero(); ///< the state's, along the world axes
     Eigen::Vector3d rotation_variance = Eigen::Vector3d::Zero();
     Drift drift;
+  };
+
+  /// A map that this drive has not found its place in yet.
+  struct LoadedMap {
+    std::shared_ptr<const SavedMap> map;
+    std::unordered_map<FeatureId, std::size_t> index; ///< of its landmarks, by id
+    int frames_until_attempt = 0;
   };
 
   InvariantConfig config_;
@@ -107,6 +126,10 @@ class InvariantEstimator : public Estimator {
   double settling_allowance_ = 0.0;             ///< operations, see revisit
   bool loop_closed_ = false;                    ///< by this frame, with what was seen long ago
   int frames_until_recognition_ = 0;            ///< see recognisePlace
+  std::shared_ptr<const SavedMap> resumed_;     ///< to go on from with the first measurement
+  double max_gap_s_ = 0.0;                      ///< until that
+  std::optional<LoadedMap> loaded_;
+  MapUse map_use_ = MapUse::kNone;
 };
 
 } // namespace vi_ekf_slam::invariant

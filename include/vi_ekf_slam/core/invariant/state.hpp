@@ -49,11 +49,11 @@ class Correction {
   friend class State;
 
   Eigen::MatrixXd PHt_;
-  KalmanUpdate takeUpdate(const Eigen::Ref<const Eigen::MatrixXd>& corrected);
+  KalmanUpdate takeUpdate();
 
   Eigen::MatrixXd L_; // lower triangle: S = L L^T
   SparseRows H_;
-  std::optional<Eigen::Matrix3d> noise_; // where K can be had by it, see takeUpdate
+  std::optional<Eigen::Matrix3d> noise_; // where S^-1 can be had by it
   Eigen::VectorXd weighted_;             // S^-1 innovation
   Eigen::VectorXd error_;
   double nis_ = 0.0;
@@ -133,6 +133,28 @@ class State {
   std::vector<InactiveLandmark> marginaliseOldest(std::size_t count);
   std::vector<InactiveLandmark> inactiveLandmarks(InactiveMap::Covariances covariances) const;
 
+  /// Landmarks, and the joint covariance (18 + 3k, square) of the errors along the world axes: (position,
+  /// rotation) as in poseCovariance, dnu, db, and d of each landmark.
+  struct Joint {
+    std::vector<Landmark> landmarks;
+    Eigen::MatrixXd covariance;
+  };
+  /// The inactive landmarks, the one longest out of view first, and the active ones at `active`, exactly.
+  /// Settles what was deferred.
+  Joint joint(const std::vector<std::size_t>& active);
+
+  /// Everything anew: these means, and the landmarks of `joint` as inactive ones. The state keeps inactive
+  /// landmarks.
+  void restore(const SE3& pose, const Vector6d& twist, const Vector6d& bias, Joint joint);
+
+  /// The inactive landmarks are these instead: `covariance` (3k x 3k, m^2) of their errors d, independent of
+  /// the active errors.
+  void adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance);
+
+  /// Another world frame: pose and landmarks are at to_T_world of where they were, and the errors along its
+  /// axes. Throws std::logic_error where landmarks are inactive.
+  void moveWorld(const SE3& to_T_world);
+
   /// Adds a random motion of covariance `noise` (6x6 of (xi_p, xi_R)) of pose and landmarks together,
   /// rigidly, past those that are anchored or inactive. No measurement of landmarks that are not anchored
   /// sees it.
@@ -161,6 +183,7 @@ class State {
   std::vector<Eigen::Matrix3d> retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
   void transport(const std::vector<Eigen::Matrix3d>& M);
   void record(DeferredStep step);
+  void turnToWorldAxes(Eigen::Ref<Eigen::MatrixXd> rows) const;
   void dropLandmark(std::size_t index);
   void reserve(Eigen::Index size);
 

@@ -1,5 +1,5 @@
 // Format: http://wiki.ros.org/Bags/Format/2.0
-#include "bag_structure.hpp"
+#include "vi_ekf_slam/ros/bag_structure.hpp"
 
 #include <bzlib.h>
 #include <roslz4/lz4s.h>
@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <vector>
@@ -272,6 +273,18 @@ void checkBagStructure(const std::string& path) {
     Walk(path).run();
   } catch (const std::runtime_error& error) {
     throw BagError(path + ": is not a bag that can be read: " + error.what());
+  }
+}
+
+void openCheckedBag(rosbag::Bag& bag, const std::string& path) {
+  if (!std::filesystem::exists(path)) throw BagError(path + ": no such file");
+  if (!std::filesystem::is_regular_file(path)) throw BagError(path + ": is not a file");
+  if (std::filesystem::file_size(path) == 0) throw BagError(path + ": is empty");
+  checkBagStructure(path);
+  try {
+    bag.open(path, rosbag::bagmode::Read);
+  } catch (const std::exception& e) { // a damaged file can make rosbag throw more than BagException
+    throw BagError(path + ": is not a bag that can be read: " + e.what());
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ros/serialization.h>
+#include <rosbag/message_instance.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -8,7 +9,9 @@
 #include <stdexcept>
 #include <vector>
 
+#include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/StereoFeatureArray.h"
+#include "vi_ekf_slam/ros/bag_structure.hpp"
 
 /// roscpp makes room for as many elements as a message's bytes announce before it looks whether they are
 /// there: sixteen bytes can ask for a hundred gigabytes. These look first. What a message without arrays
@@ -47,6 +50,16 @@ inline void requireArrays(ros::serialization::IStream stream, const sensor_msgs:
   requireArray(stream, 8); // D
 }
 
+inline void requireArrays(ros::serialization::IStream stream, const MapLandmark* /*type*/) {
+  MapLandmark::_id_type id = 0;
+  MapLandmark::_position_type position;
+  MapLandmark::_observations_type observations = 0;
+  stream.next(id);
+  stream.next(position);
+  stream.next(observations);
+  requireArray(stream, 8); // covariance
+}
+
 /// The message in `bytes`. Throws a std::exception when they are not one.
 template <typename Message>
 Message read(std::vector<std::uint8_t>& bytes) {
@@ -56,6 +69,20 @@ Message read(std::vector<std::uint8_t>& bytes) {
   ros::serialization::IStream whole = stream;
   ros::serialization::deserialize(whole, message);
   return message;
+}
+
+/// The message of a bag. Throws BagError when the bag's definition of its type is another one, and
+/// std::exception as above.
+template <typename Message>
+Message read(const rosbag::MessageInstance& instance) {
+  if (!instance.isType<Message>()) {
+    throw BagError(instance.getTopic() + ": the bag's definition of " + instance.getDataType() +
+                   " is not the one that this program was built with");
+  }
+  std::vector<std::uint8_t> bytes(instance.size());
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  instance.write(stream);
+  return read<Message>(bytes);
 }
 
 } // namespace vi_ekf_slam::wire

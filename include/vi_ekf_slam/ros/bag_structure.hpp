@@ -1,5 +1,7 @@
 #pragma once
 
+#include <rosbag/bag.h>
+
 #include <stdexcept>
 #include <string>
 
@@ -16,5 +18,8 @@ class BagError : public std::runtime_error {
 /// says, and with one that is damaged or made to harm it reads beyond its buffers, asks for any amount of
 /// memory, or loads the plugin that the bag names. Holds one chunk at a time.
 void checkBagStructure(const std::string& path);
+
+/// Opens the bag for reading once its structure is checked. Throws BagError.
+void openCheckedBag(rosbag::Bag& bag, const std::string& path);
 
 } // namespace vi_ekf_slam

@@ -1,0 +1,187 @@
+#include "vi_ekf_slam/ros/map_file.hpp"
+
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "vi_ekf_slam/MapLandmark.h"
+#include "vi_ekf_slam/MapState.h"
+#include "vi_ekf_slam/core/atomic_file.hpp"
+#include "vi_ekf_slam/ros/bag_structure.hpp"
+#include "vi_ekf_slam/ros/conversions.hpp"
+#include "vi_ekf_slam/ros/wire_check.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr char kStateTopic[] = "map", kLandmarksTopic[] = "landmarks";
+constexpr double kNorm = 1e-6; // of a quaternion's norm from 1
+
+Eigen::Index rowOf(std::size_t landmark) { return kSavedBase + 3 * static_cast<Eigen::Index>(landmark); }
+
+/// Numbers of the lower triangle above row `end`.
+std::uint64_t numbersAbove(Eigen::Index end) { return static_cast<std::uint64_t>(end * (end + 1) / 2); }
+
+/// Rows `begin` to `end` of the lower triangle, one after the other.
+template <typename Numbers>
+void takeRows(const Eigen::MatrixXd& P, Eigen::Index begin, Eigen::Index end, Numbers& numbers) {
+  std::size_t at = 0;
+  for (Eigen::Index row = begin; row < end; ++row) {
+    for (Eigen::Index column = 0; column <= row; ++column) numbers[at++] = P(row, column);
+  }
+}
+
+template <typename Numbers>
+void putRows(const Numbers& numbers, Eigen::Index begin, Eigen::Index end, Eigen::MatrixXd& P) {
+  std::size_t at = 0;
+  for (Eigen::Index row = begin; row < end; ++row) {
+    for (Eigen::Index column = 0; column <= row; ++column, ++at)
+      P(row, column) = P(column, row) = numbers[at];
+  }
+}
+
+void write(rosbag::Bag& bag, const SavedMap& map, const std::string& map_frame) {
+  MapState state;
+  state.header.stamp = conversions::toTime(map.stamp);
+  state.header.frame_id = map_frame;
+  state.pose = conversions::toPose(map.world_T_imu);
+  Eigen::Map<Vector6d>(state.twist.data()) = map.twist;
+  Eigen::Map<Vector6d>(state.bias.data()) = map.bias;
+  state.landmarks = static_cast<std::uint32_t>(map.landmarks.size());
+  takeRows(map.covariance, 0, kSavedBase, state.covariance);
+  bag.write(kStateTopic, state.header.stamp, state);
+  MapLandmark message;
+  for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
+    const SavedLandmark& landmark = map.landmarks[i];
+    message.id = landmark.id;
+    message.position.x = landmark.position.x();
+    message.position.y = landmark.position.y();
+    message.position.z = landmark.position.z();
+    message.observations = static_cast<std::uint32_t>(
+        std::min<std::size_t>(landmark.observations, std::numeric_limits<std::uint32_t>::max()));
+    message.covariance.resize(numbersAbove(rowOf(i + 1)) - numbersAbove(rowOf(i)));
+    takeRows(map.covariance, rowOf(i), rowOf(i + 1), message.covariance);
+    // A bag is read in the order of its times.
+    bag.write(kLandmarksTopic, conversions::toTime(map.stamp + 1 + static_cast<Stamp>(i)), message);
+  }
+}
+
+/// Reads a map message by message.
+class Reader {
+ public:
+  Reader(const std::string& path, std::uint64_t bytes) : path_(path), bytes_(bytes) {}
+
+  void read(const MapState& message) {
+    map_.stamp = conversions::toStamp(message.header.stamp);
+    const auto& p = message.pose.position;
+    const auto& o = message.pose.orientation;
+    const Eigen::Quaterniond q(o.w, o.x, o.y, o.z);
+    if (!(std::abs(q.norm() - 1.0) <= kNorm))
+      refuse(path_, "pose.orientation", "of norm " + std::to_string(q.norm()), "a quaternion of norm 1");
+    map_.world_T_imu = {q.normalized().toRotationMatrix(), {p.x, p.y, p.z}};
+    map_.twist = Eigen::Map<const Vector6d>(message.twist.data());
+    map_.bias = Eigen::Map<const Vector6d>(message.bias.data());
+    announced_ = message.landmarks;
+    if (announced_ > kMaxSavedLandmarks)
+      refuse(path_, "landmarks", std::to_string(announced_), "at most " + std::to_string(kMaxSavedLandmarks));
+    const std::uint64_t needed = sizeof(double) * numbersAbove(rowOf(announced_));
+    if (needed > bytes_) {
+      refuse(path_, "landmarks", std::to_string(announced_),
+             "what a file of " + std::to_string(bytes_) + " bytes can hold (cut short, or compressed?)");
+    }
+    map_.covariance.resize(rowOf(announced_), rowOf(announced_));
+    putRows(message.covariance, 0, kSavedBase, map_.covariance);
+  }
+
+  void read(const MapLandmark& message) {
+    const std::size_t i = map_.landmarks.size();
+    const std::string field = "landmarks[" + std::to_string(i) + "]";
+    if (i >= announced_)
+      refuse(path_, field, "there", "the " + std::to_string(announced_) + " that are announced");
+    const std::uint64_t expected = numbersAbove(rowOf(i + 1)) - numbersAbove(rowOf(i));
+    if (message.covariance.size() != expected) {
+      refuse(path_, field + ".covariance", "of " + std::to_string(message.covariance.size()) + " numbers",
+             std::to_string(expected) + " numbers");
+    }
+    putRows(message.covariance, rowOf(i), rowOf(i + 1), map_.covariance);
+    map_.landmarks.push_back(
+        {message.id, {message.position.x, message.position.y, message.position.z}, message.observations});
+  }
+
+  SavedMap finish() {
+    if (map_.landmarks.size() != announced_) {
+      refuse(path_, "landmarks", std::to_string(map_.landmarks.size()) + " messages",
+             "the " + std::to_string(announced_) + " that are announced");
+    }
+    validate(map_, path_);
+    return std::move(map_);
+  }
+
+ private:
+  std::string path_;
+  std::uint64_t bytes_;
+  std::size_t announced_ = 0;
+  SavedMap map_;
+};
+
+template <typename Message>
+Message messageOf(const std::string& path, const rosbag::MessageInstance& instance) {
+  if (!instance.isType<Message>()) {
+    refuse(path, "topic " + instance.getTopic(), "of type " + instance.getDataType(),
+           std::string("the type ") + ros::message_traits::datatype<Message>() +
+               " that this program was built with");
+  }
+  return wire::read<Message>(instance);
+}
+
+SavedMap read(const std::string& path) {
+  rosbag::Bag bag;
+  openCheckedBag(bag, path);
+  rosbag::View states(bag, rosbag::TopicQuery(kStateTopic)),
+      landmarks(bag, rosbag::TopicQuery(kLandmarksTopic));
+  Reader reader(path, std::filesystem::file_size(path));
+  if (states.size() != 1)
+    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states.size()) + " messages",
+           "one");
+  reader.read(messageOf<MapState>(path, *states.begin()));
+  for (const rosbag::MessageInstance& instance : landmarks)
+    reader.read(messageOf<MapLandmark>(path, instance));
+  return reader.finish();
+}
+
+} // namespace
+
+void writeMapFile(const std::string& path, const SavedMap& map, const std::string& map_frame) {
+  validate(map, path + " (not written)");
+  const std::string temporary = path + ".tmp";
+  try {
+    rosbag::Bag bag(temporary, rosbag::bagmode::Write);
+    write(bag, map, map_frame);
+    bag.close();
+    renameDurably(temporary, path);
+  } catch (const std::exception& e) {
+    std::remove(temporary.c_str());
+    throw MapError(path + ": cannot be written: " + e.what());
+  }
+}
+
+SavedMap readMapFile(const std::string& path) {
+  try {
+    return read(path);
+  } catch (const MapError&) {
+    throw;
+  } catch (const BagError& e) {
+    throw MapError(e.what());
+  } catch (const std::exception& e) { // a damaged file can make rosbag throw more than BagException
+    throw MapError(path + ": is not a map that can be read: " + e.what());
+  }
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,140 @@
+// What goes out as a saved map comes back as it was.
+
+#include "dense_drive.hpp"
+#include "road.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+using namespace test;
+
+std::shared_ptr<const SavedMap> savedOf(const Estimator& estimator) {
+  return std::make_shared<const SavedMap>(estimator.savedMap()());
+}
+
+/// An estimator that has resumed from `map` a moment (s) after it was saved.
+InvariantEstimator resumedFrom(const std::shared_ptr<const SavedMap>& map, double gap) {
+  InvariantEstimator estimator = makeEstimator();
+  estimator.resumeFrom(map, 30.0);
+  estimator.process(StereoFrame{map->stamp + fromSeconds(gap), {}});
+  return estimator;
+}
+
+InvariantConfig keepAll() {
+  InvariantConfig config;
+  config.map.keep = MapKeep::kAll;
+  return config;
+}
+
+TEST(Snapshot, HoldsTheEstimateAndIsValid) {
+  Road road(1, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60);
+  const auto map = savedOf(estimator);
+  EXPECT_NO_THROW(validate(*map, "snapshot"));
+  const StateEstimate state = estimator.state();
+  EXPECT_EQ(map->stamp, state.stamp);
+  EXPECT_LT(distance(map->world_T_imu.matrix(), state.world_T_imu.matrix()), 1e-12);
+  EXPECT_LT(worstCorrelationError(map->covariance.topLeftCorner<6, 6>(), state.pose_covariance), 1e-9);
+  EXPECT_LT(worstCorrelationError(map->covariance.block<6, 6>(6, 6), state.twist_covariance), 1e-9);
+  std::size_t compared = 0;
+  for (const LandmarkEstimate& l : estimator.exactLandmarks()) {
+    for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
+      if (map->landmarks[i].id != l.id) continue;
+      const Eigen::Index row = State::offsetOf(i);
+      EXPECT_LT(distance(map->landmarks[i].position, l.position), 1e-9);
+      EXPECT_LT(worstCorrelationError(map->covariance.block<3, 3>(row, row), l.covariance), 1e-9);
+      ++compared;
+    }
+  }
+  EXPECT_EQ(compared, map->landmarks.size());
+  EXPECT_GT(compared, 40U) << "some are out of view";
+}
+
+TEST(Snapshot, IsOfWhenItWasMade) {
+  Road road(2, 40, kTypical);
+  InvariantEstimator estimator = driven(road, 40);
+  const auto snapshot = estimator.savedMap();
+  const auto then = savedOf(estimator);
+  for (int i = 0; i < 40; ++i) road.feed(estimator);
+  const SavedMap later = snapshot();
+  EXPECT_EQ(later.stamp, then->stamp);
+  EXPECT_EQ(later.landmarks.size(), then->landmarks.size());
+  EXPECT_EQ(later.covariance, then->covariance);
+  EXPECT_NE(savedOf(estimator)->stamp, then->stamp);
+}
+
+TEST(Snapshot, ThereIsNoneWithoutAJointMapOrAMeasurement) {
+  InvariantConfig config;
+  EXPECT_FALSE(makeEstimator(config).savedMap());
+  EXPECT_TRUE(makeEstimator(config).keepsJointMap());
+  config.map.keep = MapKeep::kNone;
+  Road road(3, 20, kTypical);
+  const InvariantEstimator without = driven(road, 5, config);
+  EXPECT_FALSE(without.keepsJointMap());
+  EXPECT_FALSE(without.savedMap());
+}
+
+TEST(Resume, RestoresTheWholeJointCovariance) {
+  Road road(4, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60, keepAll());
+  const auto map = savedOf(estimator);
+  const InvariantEstimator resumed = resumedFrom(map, 0.0);
+  EXPECT_EQ(resumed.mapUse(), MapUse::kResumed);
+  const auto again = savedOf(resumed);
+  EXPECT_EQ(again->stamp, map->stamp);
+  EXPECT_LT(distance(again->world_T_imu.matrix(), map->world_T_imu.matrix()), 1e-12);
+  EXPECT_EQ(again->twist, map->twist);
+  EXPECT_EQ(again->bias, map->bias);
+  ASSERT_EQ(again->landmarks.size(), map->landmarks.size());
+  for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
+    EXPECT_EQ(again->landmarks[i].id, map->landmarks[i].id);
+    EXPECT_EQ(again->landmarks[i].observations, map->landmarks[i].observations);
+    EXPECT_EQ(again->landmarks[i].position, map->landmarks[i].position);
+  }
+  EXPECT_LT(worstCorrelationError(again->covariance, map->covariance), 1e-7) << "rounding is allowed for";
+}
+
+TEST(Resume, IsAsUnsureAfterAGapAsTheMotionMakesIt) {
+  Road road(5, 40, kTypical);
+  const auto map = savedOf(driven(road, 60));
+  const Matrix6d at_once = resumedFrom(map, 0.0).state().pose_covariance;
+  const Matrix6d later = resumedFrom(map, 5.0).state().pose_covariance;
+  const InvariantConfig config;
+  // White noise of the derivative: density^2 t^3 / 3, beside what the twist's own error comes to.
+  EXPECT_GT(later(5, 5), at_once(5, 5) + std::pow(config.twist_density[5], 2) * 125.0 / 3.0);
+  const double position = later.topLeftCorner<3, 3>().trace();
+  EXPECT_GT(position, std::pow(config.twist_density[0], 2) * 125.0 / 3.0);
+}
+
+TEST(Resume, GoesOnAsIfNothingHadHappened) {
+  Road road(6, 60, kTypical);
+  InvariantEstimator estimator = driven(road, 60);
+  const auto map = savedOf(estimator);
+  InvariantEstimator resumed = makeEstimator();
+  resumed.resumeFrom(map, 30.0);
+  std::size_t revisited = 0;
+  for (int i = 0; i < 20; ++i) {
+    Road same = road;
+    same.feed(estimator);
+    revisited += road.feed(resumed).revisited;
+  }
+  EXPECT_GE(revisited, 20U) << "what was in view when it was saved is fused";
+  const StateEstimate a = estimator.state(), b = resumed.state();
+  EXPECT_LT((a.world_T_imu.translation() - b.world_T_imu.translation()).norm(), 0.1);
+  EXPECT_LT(positionError(resumed, road.truth()), positionError(estimator, road.truth()) + 0.1);
+  EXPECT_LT(b.pose_covariance(5, 5), 2.0 * a.pose_covariance(5, 5));
+  EXPECT_LT(b.pose_covariance(0, 0), 2.0 * a.pose_covariance(0, 0));
+}
+
+TEST(Resume, IsARelocalisationWhereTheSavedMapIsTooOld) {
+  Road road(7, 40, kTypical);
+  const auto map = savedOf(driven(road, 60));
+  for (const double gap : {31.0, 20.0, -0.1}) { // after 20 s it may be turned any way
+    const InvariantEstimator late = resumedFrom(map, gap);
+    EXPECT_EQ(late.mapUse(), MapUse::kWaiting);
+    EXPECT_LT(distance(late.state().world_T_imu.matrix(), SE3().matrix()), 1e-12);
+  }
+}
+
+} // namespace
+} // namespace vi_ekf_slam::invariant

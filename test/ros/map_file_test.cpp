@@ -1,0 +1,247 @@
+// Saved maps on the disk: honest ones, damaged ones, and ones made to harm.
+#include "vi_ekf_slam/ros/map_file.hpp"
+
+#include <gtest/gtest.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <std_msgs/String.h>
+#include <stdlib.h>
+
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <limits>
+
+#include "../core/numeric.hpp"
+#include "vi_ekf_slam/MapLandmark.h"
+#include "vi_ekf_slam/MapState.h"
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+SavedMap example(std::size_t landmarks = 5) {
+  test::Random random(1);
+  SavedMap map;
+  map.stamp = fromSeconds(1000.5) + 7;
+  map.world_T_imu = SE3::Exp(random.vector<6>(-2.0, 2.0));
+  map.twist = random.vector<6>(-1.0, 1.0);
+  map.bias = random.vector<6>(-0.01, 0.01);
+  for (std::size_t i = 0; i < landmarks; ++i)
+    map.landmarks.push_back({(FeatureId{1} << 63) + i, random.vector<3>(-90.0, 90.0), 3 + i});
+  const auto rows = kSavedBase + 3 * static_cast<Eigen::Index>(landmarks);
+  Eigen::MatrixXd A(rows, rows);
+  for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = random.uniform(-1.0, 1.0);
+  map.covariance = A * A.transpose();
+  map.covariance.triangularView<Eigen::StrictlyUpper>() = map.covariance.transpose();
+  return map;
+}
+
+class MapFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/vi_ekf_slam_map_XXXXXX";
+    ASSERT_NE(nullptr, mkdtemp(name));
+    directory_ = name;
+    path_ = directory_ + "/map.bag";
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  std::string bytes() const {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void put(const std::string& content) const { std::ofstream(path_, std::ios::binary) << content; }
+
+  /// The messages of the example, spoiled, as a bag that nothing has checked.
+  void putMessages(const std::function<void(MapState&, std::vector<MapLandmark>&)>& spoil,
+                   rosbag::CompressionType compression = rosbag::compression::Uncompressed) const {
+    writeMapFile(path_, example(), "map");
+    MapState state;
+    std::vector<MapLandmark> landmarks;
+    {
+      rosbag::Bag bag(path_);
+      for (const auto& m : rosbag::View(bag, rosbag::TopicQuery("map"))) state = *m.instantiate<MapState>();
+      for (const auto& m : rosbag::View(bag, rosbag::TopicQuery("landmarks")))
+        landmarks.push_back(*m.instantiate<MapLandmark>());
+    }
+    spoil(state, landmarks);
+    rosbag::Bag bag(path_, rosbag::bagmode::Write);
+    bag.setCompression(compression);
+    bag.write("map", ros::Time(1000, 0), state);
+    for (std::size_t i = 0; i < landmarks.size(); ++i)
+      bag.write("landmarks", ros::Time(1000, 1 + static_cast<std::uint32_t>(i)), landmarks[i]);
+  }
+
+  /// The refusal names the file and has all of `words`.
+  void expectRefusal(const std::vector<std::string>& words) const {
+    try {
+      readMapFile(path_);
+      ADD_FAILURE() << "accepted, which lacks: " << words.front();
+    } catch (const MapError& e) {
+      const std::string what = e.what();
+      EXPECT_EQ(what.rfind(path_ + ": ", 0), 0U) << what;
+      EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+      for (const std::string& word : words)
+        EXPECT_NE(what.find(word), std::string::npos) << what << " lacks " << word;
+    }
+  }
+
+  std::string directory_, path_;
+};
+
+TEST_F(MapFile, ReadsBackToTheLastBit) {
+  for (const std::size_t landmarks : {0U, 1U, 40U}) {
+    const SavedMap map = example(landmarks);
+    writeMapFile(path_, map, "map");
+    const SavedMap read = readMapFile(path_);
+    EXPECT_EQ(read.stamp, map.stamp);
+    EXPECT_LT(test::distance(read.world_T_imu.matrix(), map.world_T_imu.matrix()), 1e-15);
+    EXPECT_EQ(read.twist, map.twist);
+    EXPECT_EQ(read.bias, map.bias);
+    EXPECT_EQ(read.covariance, map.covariance);
+    ASSERT_EQ(read.landmarks.size(), landmarks);
+    for (std::size_t i = 0; i < landmarks; ++i) {
+      EXPECT_EQ(read.landmarks[i].id, map.landmarks[i].id);
+      EXPECT_EQ(read.landmarks[i].position, map.landmarks[i].position);
+      EXPECT_EQ(read.landmarks[i].observations, map.landmarks[i].observations);
+    }
+  }
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1)
+      << "only the map is left";
+}
+
+TEST_F(MapFile, AMapThatIsNoneIsNotWrittenOverOneThatIs) {
+  writeMapFile(path_, example(), "map");
+  const std::string before = bytes();
+  SavedMap broken = example();
+  broken.covariance(2, 2) = kNaN;
+  EXPECT_THROW(writeMapFile(path_, broken, "map"), MapError);
+  EXPECT_EQ(bytes(), before);
+  EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1);
+  try {
+    writeMapFile(directory_ + "/nowhere/map.bag", example(), "map");
+    ADD_FAILURE() << "written nowhere";
+  } catch (const MapError& e) {
+    EXPECT_NE(std::string(e.what()).find("nowhere/map.bag: cannot be written"), std::string::npos)
+        << e.what();
+  }
+}
+
+TEST_F(MapFile, WhatIsNoBagIsRefused) {
+  expectRefusal({"no such file"});
+  for (const std::string& content : {std::string("\x1f\x8b\x08\0\0\0\0\0\0\x03", 10),
+                                     std::string("PK\x03\x04"
+                                                 "covariance.npy"),
+                                     std::string("\x80\x04\x95\x1c\0\0\0\0\0\0\0\x8c\x05posix", 19),
+                                     std::string("#ROSBAG V1.2\n"), std::string("id,x,y,z\n1,2,3,4\n")}) {
+    put(content);
+    expectRefusal({"is not a bag"});
+  }
+  put("");
+  expectRefusal({"is empty"});
+  fs::remove(path_);
+  fs::create_directory(path_);
+  expectRefusal({"is not a file"});
+}
+
+TEST_F(MapFile, WhatIsCutShortIsRefused) {
+  writeMapFile(path_, example(), "map");
+  const std::string whole = bytes();
+  for (std::size_t length = 0; length < whole.size(); length += whole.size() / 97) {
+    put(whole.substr(0, length));
+    expectRefusal({""});
+  }
+  put(whole.substr(0, whole.size() - 1));
+  expectRefusal({""});
+}
+
+TEST_F(MapFile, WhatIsWrongInAMessageIsNamed) {
+  struct Case {
+    std::function<void(MapState&, std::vector<MapLandmark>&)> spoil;
+    std::vector<std::string> words;
+  };
+  using Landmarks = std::vector<MapLandmark>;
+  const std::vector<Case> cases = {
+      {[](MapState& s, Landmarks&) { s.pose.position.x = kNaN; }, {"pose.position[0]", "nan", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.pose.orientation.w = kNaN; }, {"pose.orientation", "nan", "norm 1"}},
+      {[](MapState& s, Landmarks&) { s.pose.orientation = geometry_msgs::Quaternion(); },
+       {"pose.orientation", "0.0"}},
+      {[](MapState& s, Landmarks&) { s.header.stamp = ros::Time(); }, {"stamp", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.twist[3] = 1e308; }, {"twist[3]", "1e+308", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.covariance[0] = -1.0; }, {"covariance[0][0]", "-1", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.landmarks = 4000000000U; },
+       {"landmarks", "4000000000", "at most 4000"}},
+      {[](MapState& s, Landmarks&) { s.landmarks = 4000; }, {"landmarks", "4000", "bytes"}},
+      {[](MapState& s, Landmarks&) { s.landmarks = 6; }, {"5 messages", "6"}},
+      {[](MapState& s, Landmarks&) { s.landmarks = 4; }, {"landmarks[4]", "the 4"}},
+      {[](MapState&, Landmarks& l) { l[1].id = l[3].id; }, {"landmarks[3].id", "every id once"}},
+      {[](MapState&, Landmarks& l) { l[2].position.y = -1e308; }, {"landmarks[2].position[1]", "-1e+308"}},
+      {[](MapState&, Landmarks& l) { std::swap(l[1], l[2]); },
+       {"landmarks[1].covariance", "78 numbers", "69 numbers"}},
+      {[](MapState&, Landmarks& l) { l[0].covariance.clear(); }, {"landmarks[0].covariance", "0 numbers"}},
+      {[](MapState&, Landmarks& l) { l[4].covariance.resize(1 << 20); },
+       {"landmarks[4].covariance", "1048576 numbers"}},
+      {[](MapState&, Landmarks& l) { l[0].covariance[5] = kNaN; }, {"covariance[18][5]", "nan"}},
+      {[](MapState&, Landmarks& l) { l[0].covariance[18] = -0.5; }, {"covariance[18][18]", "-0.5"}},
+      {[](MapState&, Landmarks& l) { l[4].covariance.back() *= 1e-3; }, {"covariance"}},
+  };
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    SCOPED_TRACE(i);
+    putMessages(cases[i].spoil);
+    expectRefusal(cases[i].words);
+  }
+  putMessages([](MapState&, Landmarks&) {});
+  EXPECT_NO_THROW(readMapFile(path_));
+}
+
+TEST_F(MapFile, ASmallFileCannotAskForALargeMap) {
+  // Half a gigabyte of zeros in a few kilobytes.
+  putMessages(
+      [](MapState& s, std::vector<MapLandmark>& l) {
+        s.landmarks = 800;
+        l.resize(800);
+        for (std::size_t i = 0; i < l.size(); ++i) l[i].covariance.assign(3 * (18 + 3 * i) + 6, 0.0);
+      },
+      rosbag::compression::BZ2);
+  EXPECT_LT(fs::file_size(path_), 1000000U);
+  expectRefusal({"landmarks", "800", "compressed"});
+}
+
+TEST_F(MapFile, AnArrayThatIsLongerThanItsMessageIsRefused) {
+  writeMapFile(path_, example(), "map");
+  std::string content = bytes();
+  // The length of the first landmark's covariance, behind its number of observations.
+  const std::string length("\x03\0\0\0\x3c\0\0\0", 8);
+  const std::size_t at = content.find(length);
+  ASSERT_NE(at, std::string::npos);
+  content.replace(at + 4, 4, "\xff\xff\xff\xff", 4);
+  put(content);
+  expectRefusal({"announces more elements than it holds"});
+}
+
+TEST_F(MapFile, OtherTopicsAndTypesAreRefused) {
+  {
+    rosbag::Bag bag(path_, rosbag::bagmode::Write);
+    bag.write("/odometry", ros::Time(1.0), std_msgs::String());
+  }
+  expectRefusal({"topic map", "0 messages", "allowed: one"});
+  {
+    rosbag::Bag bag(path_, rosbag::bagmode::Write);
+    bag.write("map", ros::Time(1.0), std_msgs::String());
+  }
+  expectRefusal({"topic map", "std_msgs/String", "vi_ekf_slam/MapState"});
+  {
+    rosbag::Bag bag(path_, rosbag::bagmode::Write);
+    for (int i = 0; i < 2; ++i) bag.write("map", ros::Time(1.0), MapState());
+  }
+  expectRefusal({"topic map", "2 messages"});
+}
+
+} // namespace
+} // namespace vi_ekf_slam

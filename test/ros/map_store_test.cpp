@@ -1,0 +1,111 @@
+// What a node starts with, and what becomes of what an earlier one left.
+#include "vi_ekf_slam/ros/map_store.hpp"
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "vi_ekf_slam/ros/map_file.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace fs = std::filesystem;
+
+class MapStoreFolder : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/vi_ekf_slam_store_XXXXXX";
+    ASSERT_NE(nullptr, mkdtemp(name));
+    directory_ = name;
+    map_.stamp = fromSeconds(1000.0);
+    map_.covariance = Eigen::MatrixXd::Identity(18, 18);
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  std::string at(const std::string& name) const { return directory_ + "/" + name; }
+  void put(const std::string& name, const std::string& text) const {
+    fs::create_directories(fs::path(at(name)).parent_path());
+    std::ofstream(at(name)) << text;
+  }
+  std::string get(const std::string& name) const {
+    std::ifstream file(at(name));
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  MapUse begin(const MapStore::Settings& settings) const {
+    SlamSystem system({});
+    MapStore(settings).begin(system);
+    return system.estimator().mapUse();
+  }
+  MapStore::Settings resuming() const { return {directory_, "", true, "map"}; }
+
+  std::string directory_;
+  SavedMap map_;
+};
+
+TEST_F(MapStoreFolder, ResumesAndKeepsWhatWasThere) {
+  writeMapFile(at("map.bag"), map_, "map");
+  put("trajectory.tum", "first");
+  put("before_reset_1/trajectory.tum", "zeroth");
+  put("notes.txt", "mine");
+  EXPECT_EQ(begin(resuming()), MapUse::kWaiting) << "until the first measurement says how long ago it was";
+  EXPECT_EQ(get("before_resume_1/trajectory.tum"), "first");
+  EXPECT_EQ(get("before_resume_1/before_reset_1/trajectory.tum"), "zeroth");
+  EXPECT_EQ(get("before_resume_1/map.bag"), get("map.bag"));
+  EXPECT_FALSE(fs::exists(at("trajectory.tum")));
+  EXPECT_EQ(get("notes.txt"), "mine");
+
+  begin(resuming());
+  EXPECT_FALSE(fs::exists(at("before_resume_2"))) << "killed before it had left anything";
+  put("trajectory.tum", "second");
+  const std::string old = get("map.bag");
+  map_.twist[0] = 1.0;
+  MapStore store(resuming());
+  store.write([this] { return map_; });
+  EXPECT_EQ(get("before_resume_1/map.bag"), old) << "it is not written over";
+  begin(resuming());
+  EXPECT_EQ(get("before_resume_2/trajectory.tum"), "second");
+  EXPECT_EQ(get("before_resume_2/map.bag"), get("map.bag"));
+}
+
+TEST_F(MapStoreFolder, SetsABrokenMapAsideAndStarts) {
+  put("map_broken_1.bag", "an older one");
+  put("map.bag", "broken");
+  EXPECT_EQ(begin(resuming()), MapUse::kNone);
+  EXPECT_FALSE(fs::exists(at("map.bag")));
+  EXPECT_EQ(get("map_broken_1.bag"), "an older one");
+  EXPECT_EQ(get("map_broken_2.bag"), "broken");
+  EXPECT_EQ(begin(resuming()), MapUse::kNone);
+}
+
+TEST_F(MapStoreFolder, StartsWithTheMapFileOrNotAtAll) {
+  const MapStore::Settings settings{"", at("other.bag"), false, "map"};
+  EXPECT_THROW(begin(settings), MapError);
+  writeMapFile(at("other.bag"), map_, "map");
+  EXPECT_EQ(begin(settings), MapUse::kWaiting);
+  Config config;
+  config.invariant.map.keep = MapKeep::kNone;
+  SlamSystem system(config);
+  EXPECT_THROW(MapStore(settings).begin(system), MapError) << "that estimator has no use for it";
+}
+
+TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
+  writeMapFile(at("map.bag"), map_, "map");
+  for (const bool resume : {false, true}) {
+    SlamSystem system({});
+    MapStore store({directory_, "", resume, "map"});
+    system.loadMap(store.load(), store.source());
+    system.add(GyroSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
+    system.flush();
+    EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator())), resume)
+        << "a copy is in before_resume_N";
+    EXPECT_EQ(store.keepsSaved(), resume);
+  }
+  EXPECT_THROW(MapStore({"", "", false, "map"}).load(), MapError);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

@@ -1,0 +1,174 @@
+#!/usr/bin/env python3
+"""A node goes on where a killed one was saved, or finds its place in a map that was loaded."""
+
+import math
+import os
+import sys
+import time
+
+import rospy
+import rostest
+from nav_msgs.msg import Odometry, Path
+from std_srvs.srv import Trigger
+
+import drive_data
+from node_runner import START, NodeRunner
+
+
+class SavedMap(NodeRunner):
+    """A node of its own for each test, or two after each other."""
+
+    name = "slam_saved_map"
+
+    def setUp(self):
+        super().setUp()
+        self.odometry, self.paths = [], []
+        for topic, kind, heard in (("odometry", Odometry, self.odometry), ("path", Path, self.paths)):
+            listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
+            self.addCleanup(listener.unregister)
+
+    def answered(self, stamp):
+        """Waits for the odometry of this stamp (s); less than the buffer holds back at the end of a drive."""
+        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
+
+    def call(self, service):
+        """Calls a private service."""
+        name = "/%s/%s" % (self.name, service)
+        rospy.wait_for_service(name, timeout=20.0)
+        return rospy.ServiceProxy(name, Trigger)()
+
+    def errors(self, messages, start=START):
+        """Distances (m) from the circle that is driven, in the frame in which it began."""
+        poses = [(m.header.stamp.to_sec() - start, getattr(m.pose, "pose", m.pose)) for m in messages]
+        positions = [(t, pose.position) for t, pose in poses]
+        return [math.hypot(p.x - drive_data.pose_at(t)[0], p.y - drive_data.pose_at(t)[1]) for t, p in positions]
+
+    def stamps(self, *name):
+        """Of a saved trajectory (s); none without it."""
+        path = os.path.join(self.output, *name)
+        if not os.path.exists(path):
+            return []
+        with open(path, encoding="ascii") as file:
+            return [float(line.split()[0]) for line in file]
+
+    def save_first_drive(self):
+        """A node that has driven 8 s and saved its map, in output/first."""
+        first = os.path.join(self.output, "first")
+        node = self.start_node(output_dir=first, autosave_period=0)
+        self.play(0.0, 8.0)
+        self.answered(START + 7.7)
+        answer = self.call("save_map")
+        self.assertTrue(answer.success, answer.message)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
+        path = os.path.join(first, "map.bag")
+        self.assertTrue(os.path.exists(path))
+        self.assertTrue(os.path.exists(os.path.join(first, "landmarks.csv")))
+        del self.odometry[:]
+        return path
+
+    def test_a_killed_node_goes_on_from_its_last_autosave(self):
+        """In the same frame, from the first pose on, and without a copy of what was computed before."""
+        parameters = {"output_dir": self.output, "autosave_period": 0.5, "resume": True}
+        node = self.start_node(**parameters)
+        self.play(0.0, 6.0)
+        self.answered(START + 5.7)
+        self.wait_for(lambda: self.stamps("trajectory.tum") and self.stamps("trajectory.tum")[-1] >= START + 5.7)
+        self.wait_for(lambda: os.path.exists(os.path.join(self.output, "map.bag")))
+        time.sleep(1.5)  # another one, so that the map is of then too
+        self.play(6.1, 6.3)  # lost
+        node.kill()
+        node.wait(20)
+        self.assertLess(max(self.errors(self.odometry)), 0.5)
+        del self.odometry[:]
+
+        node = self.start_node(**parameters)
+        self.play(6.6, 10.0)
+        self.answered(START + 9.7)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
+        errors = self.errors(self.odometry)
+        self.assertGreater(len(errors), 25)
+        self.assertLess(max(errors), 0.5, errors)
+        saved = self.stamps("trajectory.tum")
+        self.assertGreaterEqual(saved[0], START + 6.5)
+        self.assertGreaterEqual(saved[-1], START + 9.7)
+        before = self.stamps("before_resume_1", "trajectory.tum")
+        self.assertEqual(START, before[0])
+        self.assertGreaterEqual(before[-1], START + 5.7)
+        print("resumed: errors of %.3f m at first, %.3f m at most" % (errors[0], max(errors)))
+
+    def test_a_node_that_is_respawned_too_late_finds_its_place(self):
+        """After a gap that is longer than any that is bridged."""
+        path = self.save_first_drive()
+        start = START + 500.0
+        node = self.start_node(output_dir=os.path.dirname(path), autosave_period=0, resume=True)
+        self.play(6.0, 9.0, start)
+        self.answered(start + 8.7)
+        self.assertGreater(self.errors(self.odometry[:1], start)[0], 5.0)  # a frame of its own
+        self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
+        node.kill()
+        node.wait(20)
+
+    def test_a_map_is_loaded_at_the_start_and_by_request(self):
+        """Poses before the place is found are kept apart; a file that is none changes nothing."""
+        path = self.save_first_drive()
+        start = START + 500.0
+        second = os.path.join(self.output, "second")
+        node = self.start_node(output_dir=second, autosave_period=0, map_file=path)
+        self.play(6.0, 8.0, start)
+        self.answered(start + 7.7)
+        self.assertGreater(self.errors(self.odometry[:1], start)[0], 5.0)
+        self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
+        self.wait_for(lambda: self.paths and self.errors(self.paths[-1].poses[:1], start)[0] < 0.5)  # begun anew
+
+        with open(path, "rb") as file:
+            content = file.read()
+        with open(path, "wb") as file:
+            file.write(content[:len(content) // 2])
+        answer = self.call("load_map")
+        self.assertFalse(answer.success)
+        self.assertIn(path, answer.message)
+        heard = len(self.odometry)
+        self.play(8.1, 9.0, start)
+        self.answered(start + 8.7)
+        self.assertLess(max(self.errors(self.odometry[heard:], start)), 0.5)  # as if nothing had been asked
+
+        with open(path, "wb") as file:
+            file.write(content)
+        answer = self.call("load_map")
+        self.assertTrue(answer.success, answer.message)
+        self.play(9.1, 11.0, start)
+        self.answered(start + 10.7)
+        self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
+        self.assertFalse(os.path.exists(os.path.join(second, "map.bag")))  # nobody asked
+        self.assertTrue(self.stamps("second", "before_reset_1", "trajectory.tum"))
+        self.assertGreater(self.stamps("second", "trajectory.tum")[0], start + 9.0)
+
+    def test_what_cannot_be_started_with_is_refused(self):
+        """Named with what is allowed."""
+        path = os.path.join(self.output, "map.bag")
+        self.assertIn(path + ": no such file", self.refused(map_file=path))
+        with open(path, "w", encoding="ascii") as file:
+            file.write("none")
+        self.assertIn(path, self.refused(map_file=path))
+        self.assertIn("map_file", self.refused(map_file=3))
+        self.assertIn("resume", self.refused(output_dir=self.output, resume="perhaps"))
+        self.assertIn("output_dir", self.refused(resume=True))
+
+    def test_an_estimator_without_a_joint_map_says_so(self):
+        """Its landmarks are saved all the same."""
+        self.start_node(output_dir=self.output, autosave_period=0, estimator="paper")
+        self.play(0.0, 1.0)
+        self.answered(START + 0.7)
+        answer = self.call("save_map")
+        self.assertTrue(answer.success)
+        self.assertIn("no map.bag", answer.message)
+        self.assertTrue(os.path.exists(os.path.join(self.output, "landmarks.csv")))
+        self.assertFalse(self.call("load_map").success)
+
+
+if __name__ == "__main__":
+    rostest.rosrun("vi_ekf_slam", "saved_map", SavedMap, sys.argv)

@@ -1,0 +1,133 @@
+// A second drive, which begins in a frame of its own, finds its place in the map of a first one by ids that
+// return.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/simulation/consistency.hpp"
+#include "vi_ekf_slam/simulation/drive_simulator.hpp"
+#include "vi_ekf_slam/simulation/monte_carlo.hpp"
+#include "vi_ekf_slam/simulation/stale_repair.hpp"
+
+namespace vi_ekf_slam::simulation {
+namespace {
+
+constexpr std::uint64_t kSeeds = 6;
+
+/// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
+/// with their ids.
+Drive twoLaps(std::uint64_t seed) {
+  DriveOptions options = studyOptions(MotionModel::kCarDrive);
+  options.seed = seed;
+  options.ids_return = true;
+  options.strength_spread = 3.0;
+  Drive laps = simulateDrive(options);
+  StaleRepair stale;
+  for (DriveStep& step : laps.steps) stale.repair(step);
+  return laps;
+}
+
+/// Takes the steps from `begin` to `end` of a drive through `system`.
+void drive(SlamSystem& system, const Drive& laps, std::size_t begin, std::size_t end,
+           const std::function<void(const DriveStep&, const Output&)>& use = {}) {
+  const DriveStep* now = nullptr;
+  if (use) system.onFrame([&](const Output& output) { use(*now, output); });
+  for (std::size_t i = begin; i < end; ++i) {
+    now = &laps.steps[i];
+    for (Measurement& m : measurementsOf(*now)) system.add(std::move(m));
+    system.flush(); // so that the truth is that of the frame
+  }
+}
+
+std::shared_ptr<const SavedMap> mapOfTheFirstLap(const Drive& laps) {
+  SlamSystem system({});
+  system.setRig(laps.rig);
+  drive(system, laps, 0, laps.steps.size() / 2);
+  return std::make_shared<const SavedMap>(system.estimator().savedMap()());
+}
+
+struct SecondLap {
+  std::optional<std::size_t> frames_before; ///< that it was relocalised
+  std::size_t relocalisations = 0;
+  double nees = 0.0;       ///< mean, of the pose in the map's frame, afterwards
+  double last_error = 0.0; ///< m
+  MapUse use = MapUse::kNone;
+};
+
+SecondLap driveTheSecondLap(const Drive& laps, const std::shared_ptr<const SavedMap>& map) {
+  SlamSystem system({});
+  system.setRig(laps.rig);
+  system.loadMap(map, "the first lap");
+  SecondLap result;
+  std::size_t frames = 0;
+  drive(system, laps, laps.steps.size() / 2, laps.steps.size(),
+        [&](const DriveStep& step, const Output& output) {
+          if (output.report.relocalised && !result.frames_before) result.frames_before = frames;
+          ++frames;
+          result.last_error =
+              (output.state.world_T_imu.translation() - step.world_T_imu.translation()).norm();
+          if (result.frames_before) result.nees += poseNees(step.world_T_imu, output.state).pose;
+        });
+  if (result.frames_before) result.nees /= static_cast<double>(frames - *result.frames_before);
+  result.relocalisations = system.counts().relocalisations;
+  result.use = system.estimator().mapUse();
+  return result;
+}
+
+TEST(Relocalisation, FindsThePlaceWithAnHonestCovariance) {
+  double nees = 0.0, worst = 0.0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const Drive laps = twoLaps(seed);
+    const auto map = mapOfTheFirstLap(laps);
+    EXPECT_NO_THROW(validate(*map, "map")) << seed;
+    const SecondLap lap = driveTheSecondLap(laps, map);
+    ASSERT_TRUE(lap.frames_before) << seed;
+    EXPECT_LT(*lap.frames_before, 150U) << seed; // of about 600
+    EXPECT_EQ(lap.relocalisations, 1U) << seed;
+    EXPECT_EQ(lap.use, MapUse::kRelocalised) << seed;
+    EXPECT_LT(lap.last_error, 3.0) << seed;
+    std::cout << "seed " << seed << ": after " << *lap.frames_before << " frames, NEES " << lap.nees
+              << ", at the end " << lap.last_error << " m, " << map->landmarks.size() << " landmarks\n";
+    nees += lap.nees / kSeeds;
+    worst = std::max(worst, lap.last_error);
+  }
+  EXPECT_LT(nees, chiSquareMeanBounds(6, kSeeds).second);
+  RecordProperty("nees_hundredths", static_cast<int>(100.0 * nees));
+  RecordProperty("worst_error_mm", static_cast<int>(1e3 * worst));
+  std::cout << "mean NEES " << nees << " (up to " << chiSquareMeanBounds(6, kSeeds).second
+            << "), worst error " << worst << " m\n";
+}
+
+TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    // The same ids, of other points.
+    const SecondLap lap = driveTheSecondLap(twoLaps(seed), mapOfTheFirstLap(twoLaps(seed + 100)));
+    EXPECT_FALSE(lap.frames_before) << seed;
+    EXPECT_EQ(lap.relocalisations, 0U) << seed;
+    EXPECT_EQ(lap.use, MapUse::kWaiting) << seed;
+  }
+}
+
+TEST(Relocalisation, IsDoneAgainAfterAReset) {
+  const Drive laps = twoLaps(1);
+  SlamSystem system({});
+  system.setRig(laps.rig);
+  system.loadMap(mapOfTheFirstLap(laps), "the first lap");
+  const std::size_t half = laps.steps.size() / 2;
+  drive(system, laps, half, half + 200);
+  EXPECT_EQ(system.counts().relocalisations, 1U);
+  EXPECT_EQ(system.counts().resets, 0U);
+  system.reset("a test");
+  EXPECT_EQ(system.estimator().mapUse(), MapUse::kWaiting);
+  drive(system, laps, half + 200, half + 400);
+  EXPECT_EQ(system.counts().relocalisations, 2U);
+}
+
+} // namespace
+} // namespace vi_ekf_slam::simulation
