@@ -146,7 +146,8 @@ void InactiveMap::compose() {
   ForwardSweep sweep(begin, left, largest);
   // Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep
   // takes along.
-  Eigen::MatrixXd leaving = Eigen::MatrixXd::Zero(begin + left, left);
+  Eigen::MatrixXd leaving =
+      Eigen::MatrixXd::Zero(begin + left, left + 1); // never empty: it is taken in parts
   for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
     for (const DeferredStep& step : (*chunk)->steps) {
       const auto* removal = std::get_if<Removal>(&step);
@@ -172,8 +173,8 @@ void InactiveMap::compose() {
   stretch->information = gram.topLeftCorner(begin, begin);
   mirrorLower(stretch->information);
   stretch->learned = sweep.learned().head(begin);
-  stretch->origin = leaving.topRows(begin).transpose() - gram.bottomLeftCorner(left, begin);
-  stretch->covariance = leaving.bottomRows(left).transpose() - gram.bottomRightCorner(left, left);
+  stretch->origin = leaving.topLeftCorner(begin, left).transpose() - gram.bottomLeftCorner(left, begin);
+  stretch->covariance = leaving.bottomLeftCorner(left, left).transpose() - gram.bottomRightCorner(left, left);
   mirrorLower(stretch->covariance);
   for (std::size_t i = 0; i < stretch->landmarks.size(); ++i)
     stretch->landmarks[i].position += sweep.learned().segment<3>(begin + rowsOf(i));

@@ -11,6 +11,7 @@ namespace vi_ekf_slam::invariant {
 
 /// dp = xi_p - [p]x xi_R and d = e - [m]x xi_R, for `rows` of (xi, dnu, db, e).
 void State::turnToWorldAxes(Eigen::Ref<Eigen::MatrixXd> rows) const {
+  if (rows.cols() == 0) return; // no part of an empty matrix
   const Eigen::Matrix<double, 3, Eigen::Dynamic> rotation = rows.middleRows<3>(kRotation);
   rows.middleRows<3>(kPosition).noalias() -= so3::hat(pose_.translation()) * rotation;
   for (std::size_t i = 0; i < landmarks_.size(); ++i)
