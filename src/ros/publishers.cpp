@@ -36,8 +36,8 @@ ros::Publisher Publishers::advertiseLatched(const std::string& topic) {
 
 Publishers::PathOutput Publishers::makePath(const std::string& topic) {
   return {PathRecorder(config_.map_frame, config_.path_max_points, config_.path_min_distance_m),
-          Pacer(config_.path_period_s, config_.max_bandwidth_bytes_s), advertiseLatched<nav_msgs::Path>(topic),
-          false};
+          Pacer(config_.path_period_s, config_.max_bandwidth_bytes_s),
+          advertiseLatched<nav_msgs::Path>(topic), false};
 }
 
 void Publishers::publish(const Output& output, bool is_frame, const std::string& imu_frame) {

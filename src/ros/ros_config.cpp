@@ -49,8 +49,6 @@ FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
   return {parseConfig(yaml, source, {kRosSection}), parseRosConfig(yaml, source)};
 }
 
-FullConfig loadFullConfig(const std::string& path) {
-  return parseFullConfig(readYamlFile(path), path);
-}
+FullConfig loadFullConfig(const std::string& path) { return parseFullConfig(readYamlFile(path), path); }
 
 } // namespace vi_ekf_slam

@@ -13,7 +13,7 @@ namespace {
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
-constexpr int kPause = 4;             // such waits in vain, after which paths are sent whole
+constexpr int kPause = 4;              // such waits in vain, after which paths are sent whole
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
 /// Absolute, with a leading ~ replaced by the home directory.

@@ -69,8 +69,8 @@ std::size_t WorkQueue::clear() {
     forgotten.swap(items_);
     frames_ = 0;
   }
-  return static_cast<std::size_t>(std::count_if(
-      forgotten.begin(), forgotten.end(), [](const Item& item) { return item.stream.has_value(); }));
+  return static_cast<std::size_t>(std::count_if(forgotten.begin(), forgotten.end(),
+                                                [](const Item& item) { return item.stream.has_value(); }));
 }
 
 bool WorkQueue::closed() const {

@@ -19,7 +19,7 @@ struct RunBagOptions {
   std::string output;
   std::string load_map;  ///< empty: none
   bool save_map = false; ///< DIR/map.bag too
-  InputTopics topics; ///< absolute names
+  InputTopics topics;    ///< absolute names
   bool quiet = false;
   bool help = false;
 };

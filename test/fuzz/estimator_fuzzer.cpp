@@ -27,8 +27,7 @@ Config chooseConfig(FuzzBytes& bytes) {
 
 /// The next stamp: mostly a step ahead, sometimes none, back, a gap, or anywhere.
 Stamp chooseStamp(FuzzBytes& bytes, Stamp now) {
-  static constexpr double kSteps[] = {0.01, 0.1,  0.0,  1.0, 1e-9, -0.01,
-                                      -0.1, -0.9, -1.1, 5.0, 0.5,  60.0};
+  static constexpr double kSteps[] = {0.01, 0.1, 0.0, 1.0, 1e-9, -0.01, -0.1, -0.9, -1.1, 5.0, 0.5, 60.0};
   const std::uint8_t choice = bytes.byte();
   if (choice < 192) return now + fromSeconds(choice < 128 ? 0.01 : 0.1);
   if (choice < 255) return now + fromSeconds(kSteps[choice % std::size(kSteps)]);

@@ -1,4 +1,5 @@
-// Two laps round a block: on the second one most of what the front end detects are landmarks of the first, with their ids.
+// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
+// with their ids.
 
 #include <gtest/gtest.h>
 

@@ -20,8 +20,8 @@ struct Closures {
   double final_error = 0.0; ///< m
 };
 
-/// A drive round a narrow block, whose two long streets run 40 m apart. A closure is wrong when it leaves the vehicle
-/// where it is not: by more than 3 m, and farther off than it was.
+/// A drive round a narrow block, whose two long streets run 40 m apart. A closure is wrong when it leaves the
+/// vehicle where it is not: by more than 3 m, and farther off than it was.
 Closures drive(std::uint64_t seed, double laps, bool recognise) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.seed = seed;
@@ -44,7 +44,8 @@ Closures drive(std::uint64_t seed, double laps, bool recognise) {
         estimator->process(*velocity);
       } else {
         const FrameReport report = estimator->process(step->frame);
-        closures.final_error = (estimator->state().world_T_imu.translation() - step->world_T_imu.translation()).norm();
+        closures.final_error =
+            (estimator->state().world_T_imu.translation() - step->world_T_imu.translation()).norm();
         if (report.place_recognised) {
           ++closures.all;
           closures.wrong += closures.final_error > 3.0 && closures.final_error > before ? 1 : 0;
@@ -67,8 +68,8 @@ void expectNoWrongOne(std::uint64_t seeds) {
     with += std::pow(closures.final_error, 2) / static_cast<double>(seeds);
     if (seeds <= 5) without += std::pow(drive(seed, 2, false).final_error, 2) / static_cast<double>(seeds);
   }
-  std::printf("%d closures on %d of %d drives of two laps; final position %.3f m", all, drives, static_cast<int>(seeds),
-              std::sqrt(with));
+  std::printf("%d closures on %d of %d drives of two laps; final position %.3f m", all, drives,
+              static_cast<int>(seeds), std::sqrt(with));
   if (without > 0.0) {
     std::printf(", without %.3f m", std::sqrt(without));
     EXPECT_LT(with, without);

@@ -39,10 +39,10 @@ struct FrameReport {
   std::size_t features = 0; ///< in the frame
   std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
   std::size_t used = 0;    ///< corrected the state
-  std::size_t rejected = 0;    ///< contradicted the state (gate, consensus)
-  std::size_t initialised = 0; ///< became landmarks
-  std::size_t removed = 0;     ///< landmarks that are no longer active
-  std::size_t revisited = 0;   ///< landmarks found to be ones that were seen before
+  std::size_t rejected = 0;      ///< contradicted the state (gate, consensus)
+  std::size_t initialised = 0;   ///< became landmarks
+  std::size_t removed = 0;       ///< landmarks that are no longer active
+  std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
   bool place_recognised = false; ///< by the constellation of the landmarks
   bool relocalised =
       false; ///< in the loaded map: from this frame on all poses and landmarks are in its frame
@@ -91,7 +91,8 @@ class Estimator {
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 
-  /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller since.
+  /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller
+  /// since.
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
   /// The same with the covariances of now, which may take as long as some seconds of the drive did.
   virtual std::vector<LandmarkEstimate> exactLandmarks() const { return landmarks(); }

@@ -15,11 +15,12 @@ struct ImageSize {
 
 /// What became of the features of one message.
 struct ScreenCounts {
-  std::size_t not_finite = 0;    ///< removed
-  std::size_t outside = 0;       ///< removed: a pixel outside its image
-  std::size_t absurd = 0;        ///< removed: a disparity as large as the image is wide, or a pixel beyond 1e6
-  std::size_t surplus = 0;       ///< removed: more than are taken of one message
-  std::size_t no_disparity = 0;  ///< kept: it has no depth, but its motion shows whether the camera stands still
+  std::size_t not_finite = 0; ///< removed
+  std::size_t outside = 0;    ///< removed: a pixel outside its image
+  std::size_t absurd = 0;     ///< removed: a disparity as large as the image is wide, or a pixel beyond 1e6
+  std::size_t surplus = 0;    ///< removed: more than are taken of one message
+  std::size_t no_disparity =
+      0; ///< kept: it has no depth, but its motion shows whether the camera stands still
 };
 
 /// Removes the features that nobody can use, one by one, and leaves at most `max_features`. Those are chosen

@@ -50,8 +50,8 @@ class SlamNode {
  private:
   struct Settings {
     FullConfig config;
-    std::string source;     ///< where the parameters are, for messages
-    std::string output_dir; ///< absolute; empty: nothing is saved
+    std::string source;              ///< where the parameters are, for messages
+    std::string output_dir;          ///< absolute; empty: nothing is saved
     double autosave_period_s = 60.0; ///< s of wall time; 0: saved at the end only
     MapStore::Settings maps;
   };

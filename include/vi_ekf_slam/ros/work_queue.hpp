@@ -17,8 +17,9 @@ namespace vi_ekf_slam {
 ///
 /// When the computing does not keep up, frames are shed, the oldest first: one that has waited for more than
 /// `max_latency_s`, while a newer one is here. One in each `max_latency_s` is given out all the same, since
-/// with none at all the filter could not let go of its landmarks. IMU and velocity are never shed. Only when `max_size` is
-/// reached, which bounds the memory, the oldest frame or, without one, the oldest item is dropped.
+/// with none at all the filter could not let go of its landmarks. IMU and velocity are never shed. Only when
+/// `max_size` is reached, which bounds the memory, the oldest frame or, without one, the oldest item is
+/// dropped.
 class WorkQueue {
  public:
   using Clock = std::chrono::steady_clock;
@@ -62,7 +63,7 @@ class WorkQueue {
   mutable std::mutex mutex_;
   std::condition_variable arrived_;
   std::deque<Item> items_;
-  std::size_t frames_ = 0; ///< among the items
+  std::size_t frames_ = 0;                      ///< among the items
   std::optional<Clock::time_point> last_frame_; ///< when one was given out
   Counts counts_;
   bool closed_ = false;

@@ -39,8 +39,9 @@ struct DriveOptions {
 
   double pixel_sigma = 0.7;       ///< px per coordinate, white in time
   double pixel_correlation = 0.0; ///< between the left and the right coordinate of one observation
-  double drift_position = 0.0; ///< m/m^0.5, root spectral density, per distance driven, of what all tracks slide
-  double drift_rotation = 0.0; ///< rad/m^0.5, and of what they turn about the vehicle
+  double drift_position =
+      0.0; ///< m/m^0.5, root spectral density, per distance driven, of what all tracks slide
+  double drift_rotation = 0.0;    ///< rad/m^0.5, and of what they turn about the vehicle
   int features_max = 115;         ///< tracks after the fullest re-detection
   int features_min = 25;          ///< fewer tracks than this call for a re-detection
   double track_median = 26.0;     ///< frames; median of the exponential track life, if nothing else ends it
@@ -49,11 +50,11 @@ struct DriveOptions {
   int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
   double stale_fraction = 0.09;   ///< of the frames: re-detections that repeat the surviving tracks' pixels
   bool ids_return = false;        ///< whether a landmark that is detected again has its old id
-  /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another, with 3 it is
-  /// nearly always the same ones.
+  /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
+  /// with 3 it is nearly always the same ones.
   double strength_spread = 0.0;
-  double min_depth = 3.0; ///< m
-  double max_depth = 150.0;       ///< m
+  double min_depth = 3.0;   ///< m
+  double max_depth = 150.0; ///< m
 
   double twist_decay = 0.0;    ///< s, time constant back to the nominal twist; 0: never, an exact random walk
   double noise_forward = 0.5;  ///< m/s^1.5, root spectral density of the acceleration along x

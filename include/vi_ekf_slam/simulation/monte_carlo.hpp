@@ -39,8 +39,8 @@ std::size_t checkPointFrame(double share, std::size_t frames);
 
 /// How a Monte Carlo study moves unless told otherwise. kCarDrive: the simulator's defaults (two laps with
 /// wrong matches, other cars and stale frames). kProcessModel: 100 s with white noise alone, a sensor for
-/// which the default filter's model is exactly right: its densities and gyro biases, no wrong matches, no other
-/// cars, no stale frames.
+/// which the default filter's model is exactly right: its densities and gyro biases, no wrong matches, no
+/// other cars, no stale frames.
 DriveOptions studyOptions(MotionModel motion);
 
 /// Simulates a drive and takes it through the estimator of `config`, measurements in the order of SlamSystem

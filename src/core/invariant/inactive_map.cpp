@@ -14,7 +14,7 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kChunkSteps = 64;
-constexpr std::size_t kChunksOfStretch = 8; // about
+constexpr std::size_t kChunksOfStretch = 8;                            // about
 constexpr std::uint64_t kDeparturesElsewhere = std::uint64_t{1} << 40; // more than any drive has
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }

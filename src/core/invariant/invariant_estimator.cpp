@@ -186,8 +186,8 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
 }
 
 /// Nothing that is measured tells how the whole world is turned, so its variance does not fall: where the
-/// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain depends on
-/// it. A landmark or a place that was seen before does tell.
+/// newest frame's noise averages out a little of what the last ones added, that much is put back. No gain
+/// depends on it. A landmark or a place that was seen before does tell.
 void InvariantEstimator::keepRotationVariance() {
   const Eigen::Vector3d now = poseCovariance().diagonal().tail<3>();
   // A hair more, so that rounding does not let it fall either.

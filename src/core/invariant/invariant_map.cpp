@@ -13,12 +13,13 @@ namespace {
 // Operations a frame may spend on the average to settle the map: some 10 ms.
 constexpr double kSettlingPerFrame = 2e8;
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
-constexpr std::size_t kTellingObservations = 3;  // before a landmark is compared with what was seen of it before
+constexpr std::size_t kTellingObservations =
+    3; // before a landmark is compared with what was seen of it before
 // Twins must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
-constexpr double kMostSaved = 100.0; // frames
+constexpr double kMostSaved = 100.0;     // frames
 constexpr std::size_t kViewsLongAgo = 5; // changes of the view, not a frame that was lost
-constexpr double kSamePoint = 1e-3;  // m, how far apart a landmark may be from itself: rounding
+constexpr double kSamePoint = 1e-3;      // m, how far apart a landmark may be from itself: rounding
 // Landmarks of the map that are made active because they should come into view.
 constexpr std::size_t kMostRecalled = 60;
 constexpr double kRecallDistance = 50.0; // m
@@ -59,15 +60,15 @@ void InvariantEstimator::boundInactive() {
   const std::size_t most = config_.map.max_landmarks, held = state_.inactive().size();
   if (held <= most) return;
   for (const InactiveLandmark& gone : state_.marginaliseOldest(held - most + most / 4)) {
-    if (gone.landmark.observations >= kArchivedObservations)
-      archive_.put(invariant::estimateOf(gone));
+    if (gone.landmark.observations >= kArchivedObservations) archive_.put(invariant::estimateOf(gone));
   }
 }
 
 /// Their last estimates stay in the map, where they are sound.
 void InvariantEstimator::archiveInactive() {
   for (const InactiveLandmark& l : state_.inactiveLandmarks(InactiveMap::Covariances::kLastSettled)) {
-    if (l.landmark.position.allFinite() && l.covariance.allFinite() && (l.covariance.diagonal().array() >= 0.0).all())
+    if (l.landmark.position.allFinite() && l.covariance.allFinite() &&
+        (l.covariance.diagonal().array() >= 0.0).all())
       archive_.put(invariant::estimateOf(l));
   }
 }
@@ -90,7 +91,8 @@ void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vecto
     const bool begins_anew = std::any_of(unknown.begin(), unknown.end(), [&](std::size_t feature) {
       return frame.features[feature].id == l.id;
     });
-    keep[i] = !begins_anew && !outcasts_.count(l.id) && --recalled->second > 0 && (cam_T_world * l.position).z() > 0.0;
+    keep[i] = !begins_anew && !outcasts_.count(l.id) && --recalled->second > 0 &&
+              (cam_T_world * l.position).z() > 0.0;
     if (!keep[i]) recalled_.erase(recalled);
   }
 }
@@ -116,9 +118,9 @@ bool InvariantEstimator::isLongOutOfView(FeatureId inactive) const {
   return state_.inactive().departuresSince(inactive) > state_.landmarks().size();
 }
 
-/// An id that returns begins as a new landmark, so that the drive goes on as if it were one. When some have been seen
-/// often enough, and settling the map has been saved up for, they are fused with what was seen of them before; and what
-/// should come into view next is made active, to be recognised at once.
+/// An id that returns begins as a new landmark, so that the drive goes on as if it were one. When some have
+/// been seen often enough, and settling the map has been saved up for, they are fused with what was seen of
+/// them before; and what should come into view next is made active, to be recognised at once.
 void InvariantEstimator::revisit(FrameReport& report) {
   const double cost = state_.inactive().settlingCost(state_.size());
   settling_allowance_ =
@@ -126,7 +128,8 @@ void InvariantEstimator::revisit(FrameReport& report) {
   std::vector<FeatureId> ids;
   for (const Landmark& landmark : state_.landmarks()) {
     if (landmark.observations >= kTellingObservations && ids.size() < kMostTwins &&
-        state_.inactive().contains(landmark.id) && !disputed_.count(landmark.id) && isLongOutOfView(landmark.id))
+        state_.inactive().contains(landmark.id) && !disputed_.count(landmark.id) &&
+        isLongOutOfView(landmark.id))
       ids.push_back(landmark.id);
   }
   if (ids.size() < kLeastTwins || settling_allowance_ < cost) return;
@@ -187,7 +190,8 @@ std::vector<LandmarkEstimate> InvariantEstimator::exactLandmarks() const {
 }
 
 std::vector<LandmarkEstimate> InvariantEstimator::landmarks(InactiveMap::Covariances covariances) const {
-  // Of several estimates of one landmark the first one stays: of one that is seen again but not yet fused the map's.
+  // Of several estimates of one landmark the first one stays: of one that is seen again but not yet fused the
+  // map's.
   std::vector<LandmarkEstimate> all;
   all.reserve(archive_.landmarks().size() + state_.landmarks().size() +
               (state_.keepsInactive() ? state_.inactive().size() : 0));

@@ -10,20 +10,20 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr int kFramesBetween = 20;           // attempts, each of which may take some 0.1 s
+constexpr int kFramesBetween = 20; // attempts, each of which may take some 0.1 s
 constexpr std::size_t kTellingObservations = 5;
-constexpr double kRadius = 70.0;             // m about the vehicle
+constexpr double kRadius = 70.0; // m about the vehicle
 // How often the view may have changed for a landmark to be of now, and must have for it to be of before.
 constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
-constexpr std::size_t kLeastBefore = 40;     // landmarks, for a place to be recognised
-constexpr std::size_t kLeastAgreeing = 10;   // matches that the state itself must find compatible
+constexpr std::size_t kLeastBefore = 40;   // landmarks, for a place to be recognised
+constexpr std::size_t kLeastAgreeing = 10; // matches that the state itself must find compatible
 // m: a corner found anew is not the corner found before, but near it.
 constexpr double kNearPoint = 0.3;
 
 } // namespace
 
-/// What was seen lately is compared with what was seen long ago in reach of the present uncertainty. A match is told to
-/// the state as two points that are near each other; both remain.
+/// What was seen lately is compared with what was seen long ago in reach of the present uncertainty. A match
+/// is told to the state as two points that are near each other; both remain.
 void InvariantEstimator::recognisePlace(FrameReport& report) {
   if (!config_.map.recognise_places || --frames_until_recognition_ > 0) return;
   const std::uint64_t view = state_.landmarks().size();

@@ -22,12 +22,12 @@ constexpr double kLeastBaseline = 6.0;     // m, between the points of a transfo
 constexpr std::size_t kSeeds = 60;         // matches that agree with most others, from which transforms begin
 constexpr int kTriples = 150;              // tried of each seed
 constexpr std::size_t kLeastInliers = 14;
-constexpr double kLeastShare = 0.18;       // of the points seen now where something was seen before
-constexpr double kSeenBefore = 3.0;        // m, about a point that was
-constexpr double kBeyondChance = 4.0;      // times what the same points find a few metres off
-constexpr double kRivalShare = 0.7;        // of the inliers, that another transform may not have
-constexpr double kApart = 1.5;             // m at the vehicle, for a transform to be another one
-constexpr double kLeastSpread = 4.0;       // m, standard deviation of the inliers along their second axis
+constexpr double kLeastShare = 0.18;  // of the points seen now where something was seen before
+constexpr double kSeenBefore = 3.0;   // m, about a point that was
+constexpr double kBeyondChance = 4.0; // times what the same points find a few metres off
+constexpr double kRivalShare = 0.7;   // of the inliers, that another transform may not have
+constexpr double kApart = 1.5;        // m at the vehicle, for a transform to be another one
+constexpr double kLeastSpread = 4.0;  // m, standard deviation of the inliers along their second axis
 
 struct Match {
   Eigen::Vector3d now, before;
@@ -46,7 +46,8 @@ SE3 rigid(const std::vector<Match>& matches) {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (const Match& m : matches) covariance += (m.before - to) * (m.now - from).transpose();
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1.0, 1.0, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0);
+  Eigen::Vector3d signs(1.0, 1.0,
+                        (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0);
   const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
   return SE3(R, to - R * from).normalized();
 }
@@ -55,7 +56,9 @@ SE3 rigid(const std::vector<Match>& matches) {
 class Gate {
  public:
   Gate(const Eigen::Vector3d& about, const Matrix6d& covariance)
-      : about_(about), covariance_(covariance), turn_(3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff())) {}
+      : about_(about),
+        covariance_(covariance),
+        turn_(3.0 * std::sqrt(covariance.diagonal().tail<3>().maxCoeff())) {}
 
   /// Whether a point at `now` may be the one at `before`.
   bool allows(const Eigen::Vector3d& now, const Eigen::Vector3d& before) const {
@@ -90,9 +93,11 @@ class Gate {
   double turn_; // rad
 };
 
-/// The points seen now, each with its nearest one seen before after `before_T_now`, if it is near and takes no other.
-std::vector<std::pair<std::size_t, std::size_t>> pairUp(const std::vector<PlacePoint>& now, const PointGrid& before,
-                                                        const SE3& before_T_now, double tolerance) {
+/// The points seen now, each with its nearest one seen before after `before_T_now`, if it is near and takes
+/// no other.
+std::vector<std::pair<std::size_t, std::size_t>> pairUp(const std::vector<PlacePoint>& now,
+                                                        const PointGrid& before, const SE3& before_T_now,
+                                                        double tolerance) {
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
   for (std::size_t i = 0; i < now.size(); ++i) {
     const auto found = before.nearest(before_T_now * now[i].position, tolerance);
@@ -123,7 +128,8 @@ double spread(const std::vector<Match>& matches) {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (const Match& m : matches)
     covariance += (m.now - mean) * (m.now - mean).transpose() / static_cast<double>(matches.size());
-  return std::sqrt(std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[1]));
+  return std::sqrt(
+      std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[1]));
 }
 
 /// How many points find a partner where there is none to find: the same points, moved by some metres.
@@ -236,7 +242,8 @@ std::optional<Recognition> PlaceRecogniser::recognise(const std::vector<PlacePoi
     return std::nullopt;
   for (const Candidate& other : candidates) {
     const double apart = (other.before_T_now * about - best.before_T_now * about).norm();
-    if (apart > kApart && static_cast<double>(other.pairs.size()) > kRivalShare * inliers) return std::nullopt;
+    if (apart > kApart && static_cast<double>(other.pairs.size()) > kRivalShare * inliers)
+      return std::nullopt;
   }
   Recognition recognition{best.before_T_now, {}};
   for (const auto& [i, j] : best.pairs) recognition.matches.emplace_back(now[i].id, before[j].id);

@@ -105,8 +105,9 @@ Correction::Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Vect
   valid_ = nis_ >= 0.0 && error_.allFinite();
 }
 
-/// After apply has put A = P H^T L^-T in the place of PHt_. K = A L^-1 moves what is correlated with the errors just as
-/// P - A A^T moves the errors; P^+ H^T R^-1, which would be cheaper, does not to the last digits.
+/// After apply has put A = P H^T L^-T in the place of PHt_. K = A L^-1 moves what is correlated with the
+/// errors just as P - A A^T moves the errors; P^+ H^T R^-1, which would be cheaper, does not to the last
+/// digits.
 KalmanUpdate Correction::takeUpdate() {
   L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(PHt_);
   if (noise_)
@@ -174,19 +175,14 @@ std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const 
 
 /// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p).
 void State::transport(const std::vector<Eigen::Matrix3d>& M) {
-  const Eigen::Index n = size();
-  auto P = covariance_.topLeftCorner(n, n);
-  for (std::size_t j = 0; j < M.size(); ++j) {
+  auto P = covariance_.topLeftCorner(size(), size());
+  for (const bool again : {false, true}) { // columns, and the rows as columns of the transposed
     const auto position = P.middleCols<3>(kPosition);
-    auto own = P.middleCols<3>(offsetOf(j));
-    own = (position + (own - position) * M[j].transpose()).eval();
-  }
-  for (Eigen::Index column = 0; column < n; ++column) {
-    const Eigen::Vector3d position = P.col(column).segment<3>(kPosition);
     for (std::size_t j = 0; j < M.size(); ++j) {
-      auto own = P.col(column).segment<3>(offsetOf(j));
-      own = (position + M[j] * (own - position)).eval();
+      auto own = P.middleCols<3>(offsetOf(j));
+      own = (position + (own - position) * M[j].transpose()).eval();
     }
+    if (!again) P.transposeInPlace();
   }
   mirrorLower(P);
 }

@@ -19,7 +19,11 @@ struct DenseJoint {
   Eigen::MatrixXd P;
 
   explicit DenseJoint(const State& state)
-      : pose(state.pose()), twist(state.twist()), bias(state.bias()), active(state.landmarks()), P(state.covariance()) {}
+      : pose(state.pose()),
+        twist(state.twist()),
+        bias(state.bias()),
+        active(state.landmarks()),
+        P(state.covariance()) {}
 
   Eigen::Index offset(std::size_t i) const { return State::offsetOf(i); }
   Eigen::Index inactiveOffset(std::size_t i) const { return State::offsetOf(active.size() + i); }
@@ -69,7 +73,8 @@ struct DenseJoint {
       const Eigen::Matrix3d C = cam_T_world.rotation();
       const Eigen::Vector3d moved = InverseDepth::moved(q, C * d);
       m = cam_T_world.inverse() * moved;
-      const Eigen::Matrix3d M = C.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * C;
+      const Eigen::Matrix3d M =
+          C.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * C;
       F.block<3, 3>(offset(i), offset(i)) = M;
       F.block<3, 3>(offset(i), kPosition) = Eigen::Matrix3d::Identity() - M;
     }
@@ -89,7 +94,8 @@ struct DenseJoint {
 
   /// Keeps the three rows of these offsets, in this order, after the first kLandmarks.
   void select(const std::vector<Eigen::Index>& offsets) {
-    Eigen::MatrixXd F = Eigen::MatrixXd::Zero(kLandmarks + 3 * static_cast<Eigen::Index>(offsets.size()), P.rows());
+    Eigen::MatrixXd F =
+        Eigen::MatrixXd::Zero(kLandmarks + 3 * static_cast<Eigen::Index>(offsets.size()), P.rows());
     F.topLeftCorner<kLandmarks, kLandmarks>().setIdentity();
     Eigen::Index row = kLandmarks;
     for (const Eigen::Index from : offsets) {
@@ -137,7 +143,8 @@ struct DenseJoint {
   }
 
   void activate(FeatureId id) {
-    const auto found = std::find_if(inactive.begin(), inactive.end(), [id](const Landmark& l) { return l.id == id; });
+    const auto found =
+        std::find_if(inactive.begin(), inactive.end(), [id](const Landmark& l) { return l.id == id; });
     const auto index = static_cast<std::size_t>(found - inactive.begin());
     Landmark back = *found;
     back.anchored = true;

@@ -17,8 +17,9 @@ double residentBytes() {
   return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
 }
 
-/// Resident memory in the fifth tenth of a drive and in its last one, bytes, the largest of each. (In a million frames with
-/// four features the last estimates of landmarks that left for good, which are bounded as well, are 100000 after a third.)
+/// Resident memory in the fifth tenth of a drive and in its last one, bytes, the largest of each. (In a
+/// million frames with four features the last estimates of landmarks that left for good, which are bounded as
+/// well, are 100000 after a third.)
 struct Memory {
   double early = 0.0, late = 0.0;
 };

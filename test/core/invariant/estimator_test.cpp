@@ -118,7 +118,8 @@ TEST(InvariantEstimator, BoundsTheJointMap) {
         map.end());
   }
   EXPECT_GT(most, 30u);
-  EXPECT_GT(estimator.landmarks().size(), 40u); // the last estimates of those that were marginalised are in the map too
+  EXPECT_GT(estimator.landmarks().size(),
+            40u); // the last estimates of those that were marginalised are in the map too
 }
 
 TEST(Archive, KeepsTheLastEstimatesOfTheNewest) {
@@ -135,8 +136,8 @@ TEST(Archive, KeepsTheLastEstimatesOfTheNewest) {
 }
 
 TEST(InvariantEstimator, KeepsOnlyWhatItSawOften) {
-  for (const auto& [keep, least] : {std::pair(MapKeep::kNone, 3u), std::pair(MapKeep::kGood, 3u),
-                                    std::pair(MapKeep::kAll, 1u)}) {
+  for (const auto& [keep, least] :
+       {std::pair(MapKeep::kNone, 3u), std::pair(MapKeep::kGood, 3u), std::pair(MapKeep::kAll, 1u)}) {
     InvariantConfig config;
     config.map.keep = keep;
     Road road(10, 30, kQuiet);

@@ -81,7 +81,8 @@ TEST(InactiveMap, EstimatesAreThoseOfTheDenseJointFilter) {
 TEST(InactiveMap, MarginalisesThoseThatAreLongestOutOfView) {
   Random random(7);
   State state(kPrior, true);
-  for (FeatureId id = 1; id <= 6; ++id) state.addLandmark(id, random.vector<3>(-5.0, 5.0), random.covariance<3>());
+  for (FeatureId id = 1; id <= 6; ++id)
+    state.addLandmark(id, random.vector<3>(-5.0, 5.0), random.covariance<3>());
   const auto deactivate = [&](FeatureId id) {
     for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
       if (state.landmarks()[i].id == id) return state.deactivateLandmark(i);

@@ -22,8 +22,8 @@ Matrix6d uncertainty() {
   return covariance;
 }
 
-/// A street along x: houses 12 m apart that look alike from afar (windows on a raster, a pole before each), in detail
-/// as chance wants.
+/// A street along x: houses 12 m apart that look alike from afar (windows on a raster, a pole before each),
+/// in detail as chance wants.
 class Street {
  public:
   explicit Street(unsigned seed) : engine_(seed) {
@@ -32,18 +32,22 @@ class Street {
         for (int window = 0; window < 12; ++window)
           corners_.push_back({x + 2.5 * (window % 4) + 0.4 * normal(), side + 0.2 * normal(),
                               1.5 + 2.8 * (window / 4) + 0.4 * normal()});
-        for (int i = 0; i < 6; ++i) corners_.push_back({x + 12.0 * uniform(), 0.6 * side * uniform(), 1.5 * uniform()});
-        for (int i = 0; i < 3; ++i) corners_.push_back({x + 5.0 + 0.1 * normal(), 0.55 * side, 5.0 * uniform()});
+        for (int i = 0; i < 6; ++i)
+          corners_.push_back({x + 12.0 * uniform(), 0.6 * side * uniform(), 1.5 * uniform()});
+        for (int i = 0; i < 3; ++i)
+          corners_.push_back({x + 5.0 + 0.1 * normal(), 0.55 * side, 5.0 * uniform()});
       }
     }
   }
 
-  /// What one pass sees: `share` of the corners, each where it is but for `sigma` m, moved by `pass_T_street`.
+  /// What one pass sees: `share` of the corners, each where it is but for `sigma` m, moved by
+  /// `pass_T_street`.
   std::vector<PlacePoint> pass(double share, double sigma, const SE3& pass_T_street, FeatureId first) {
     std::vector<PlacePoint> seen;
     for (std::size_t i = 0; i < corners_.size(); ++i) {
       if (uniform() > share) continue;
-      seen.push_back({first + i, pass_T_street * (corners_[i] + sigma * Eigen::Vector3d(normal(), normal(), normal()))});
+      seen.push_back(
+          {first + i, pass_T_street * (corners_[i] + sigma * Eigen::Vector3d(normal(), normal(), normal()))});
     }
     return seen;
   }

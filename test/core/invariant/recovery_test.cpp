@@ -46,7 +46,8 @@ Outcome drive(Road& road, InvariantEstimator& estimator, int frames) {
   for (int i = 0; i < frames; ++i) {
     const FrameReport report = road.feed(estimator);
     ++outcome.counts[static_cast<std::size_t>(report.divergence)];
-    outcome.largest_nees = std::max(outcome.largest_nees, simulation::poseNees(road.truth(), estimator.state()).pose);
+    outcome.largest_nees =
+        std::max(outcome.largest_nees, simulation::poseNees(road.truth(), estimator.state()).pose);
   }
   return outcome;
 }

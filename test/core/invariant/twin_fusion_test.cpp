@@ -11,14 +11,15 @@ using namespace test;
 
 constexpr std::size_t kPoints = 6;
 
-/// A state that saw kPoints landmarks, drove on, lost its way by a random error of the size of its own uncertainty, and
-/// sees the same points as new landmarks: those before come first.
+/// A state that saw kPoints landmarks, drove on, lost its way by a random error of the size of its own
+/// uncertainty, and sees the same points as new landmarks: those before come first.
 struct Return {
   explicit Return(unsigned seed) : random(seed), state(kPrior, true) {
     std::vector<FeatureId> ids;
     for (std::size_t i = 0; i < kPoints; ++i) {
       points.push_back(state.pose() * random.vector<3>(2.0, 20.0));
-      state.addLandmark(i, points.back() + 0.05 * random.vector<3>(-1.0, 1.0), 0.0025 * Eigen::Matrix3d::Identity());
+      state.addLandmark(i, points.back() + 0.05 * random.vector<3>(-1.0, 1.0),
+                        0.0025 * Eigen::Matrix3d::Identity());
       ids.push_back(i);
     }
     while (!state.landmarks().empty()) state.deactivateLandmark(0);
@@ -66,7 +67,9 @@ TEST(TwinFusion, TellsThatTwoLandmarksAreOne) {
     EXPECT_EQ(fusion.dof, 18u);
     EXPECT_LT(fusion.nis, 2.0 * 18.0);
     for (const Twin& twin : loop.twins) {
-      EXPECT_LT(distance(loop.state.landmarks()[twin.now].position, loop.state.landmarks()[twin.before].position), 0.01);
+      EXPECT_LT(
+          distance(loop.state.landmarks()[twin.now].position, loop.state.landmarks()[twin.before].position),
+          0.01);
       const auto i = static_cast<std::size_t>(&twin - loop.twins.data());
       EXPECT_LT(distance(loop.state.landmarks()[twin.now].position, loop.points[i]), 0.5) << seed;
     }

@@ -7,8 +7,8 @@
 
 namespace vi_ekf_slam::invariant {
 
-/// The last estimates of landmarks that have left the filter, by id. Bounded: beyond `capacity` those that came first
-/// are forgotten.
+/// The last estimates of landmarks that have left the filter, by id. Bounded: beyond `capacity` those that
+/// came first are forgotten.
 class Archive {
  public:
   explicit Archive(std::size_t capacity) : capacity_(capacity) {}

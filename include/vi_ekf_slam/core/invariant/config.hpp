@@ -17,10 +17,11 @@ enum class MapKeep {
 struct MapConfig {
   MapKeep keep = MapKeep::kGood;
   std::size_t min_observations = 10; ///< of a landmark, to be a good one
-  /// Out of view in the joint covariance; beyond it those longest out of view are marginalised, and their last
-  /// estimates stay in the map.
+  /// Out of view in the joint covariance; beyond it those longest out of view are marginalised, and their
+  /// last estimates stay in the map.
   std::size_t max_landmarks = 2000;
-  std::size_t deferred_mb = 2048; ///< MiB that deferred steps may take before they are composed, which takes time
+  std::size_t deferred_mb =
+      2048; ///< MiB that deferred steps may take before they are composed, which takes time
   /// Whether places are recognised by the constellation of their landmarks, where ids do not return.
   bool recognise_places = false;
 };
@@ -78,8 +79,8 @@ struct InvariantConfig {
   double scale_significance = 3.5; ///< sigmas beyond which an error of scale is proven, and corrected
 
   DivergenceMonitor::Options divergence;
-  /// By which the static world is displaced from one frame to the next, beyond what the vehicle drives, m; 0: not
-  /// looked for.
+  /// By which the static world is displaced from one frame to the next, beyond what the vehicle drives, m; 0:
+  /// not looked for.
   double divergence_jump_m = 10.0;
 
   MapConfig map;

@@ -24,7 +24,8 @@ class Drift {
   /// these variances (rad^2).
   void turn(const Eigen::Vector3d& position, const Eigen::Vector3d& variances);
 
-  /// The covariance (6x6 of (xi_p, xi_R)) of what has not been taken yet: someone else accounts for it from now on.
+  /// The covariance (6x6 of (xi_p, xi_R)) of what has not been taken yet: someone else accounts for it from
+  /// now on.
   Matrix6d take();
 
   /// 3x3 along the world axes that is to be added to the position covariance of a point (world, m).

@@ -21,8 +21,9 @@
 namespace vi_ekf_slam::invariant {
 
 /// The right-invariant EKF with a twist state: gyro, velocity and stereo frames are measurements of one
-/// state, each at its own rate. A landmark whose track ends goes from the active state to the inactive ones of the
-/// joint covariance, or to the archive; when its id returns, what was seen since and what was seen before are fused.
+/// state, each at its own rate. A landmark whose track ends goes from the active state to the inactive ones
+/// of the joint covariance, or to the archive; when its id returns, what was seen since and what was seen
+/// before are fused.
 class InvariantEstimator : public Estimator {
  public:
   explicit InvariantEstimator(const InvariantConfig& config);
@@ -73,8 +74,8 @@ class InvariantEstimator : public Estimator {
   void retire(std::size_t landmark);
   void boundInactive();
   void archiveInactive();
-  void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown, std::vector<bool>& keep,
-                    FrameReport& report);
+  void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
+                    std::vector<bool>& keep, FrameReport& report);
   void revisit(FrameReport& report);
   std::size_t fuseReturned(std::vector<FeatureId> ids, std::size_t least);
   void resume(Stamp stamp);
