@@ -36,8 +36,10 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   const Matrix6d covariance = poseCovariance();
   const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());
   std::vector<PlacePoint> now, before;
+  const std::unordered_map<FeatureId, std::size_t> active = state_.indexById();
   for (const InactiveLandmark& inactive : state_.inactiveLandmarks(InactiveMap::Covariances::kLastSettled)) {
     const Landmark& l = inactive.landmark;
+    if (active.count(l.id)) continue; // its id has returned: revisit's
     const std::uint64_t since = state_.inactive().departuresSince(l.id);
     const double distance = (l.position - about).norm();
     if (since > kViewsBefore * view && distance < reach) before.push_back({l.id, l.position});
