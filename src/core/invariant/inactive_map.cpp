@@ -14,6 +14,7 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kChunkSteps = 64;
+constexpr Eigen::Index kSmallestShrunk = 300;                          // rows
 constexpr std::size_t kChunksOfStretch = 8;                            // about
 constexpr std::uint64_t kDeparturesElsewhere = std::uint64_t{1} << 40; // more than any drive has
 
@@ -283,7 +284,7 @@ void InactiveMap::eraseSettled(std::size_t index) {
   settled.landmarks.pop_back();
   settled.serials.pop_back();
   // What a return once made large is let go of.
-  if (2 * last > settled.covariance.rows()) return;
+  if (2 * last > settled.covariance.rows() || last < kSmallestShrunk) return;
   settled.covariance.conservativeResize(last, last);
   settled.cross.conservativeResize(settled.rows, last);
 }
