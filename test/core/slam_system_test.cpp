@@ -46,12 +46,7 @@ TEST(SlamSystem, HandlersAreCalledInTheOrderOfStampsOncePerMeasurement) {
 
 TEST(SlamSystem, OdomIsDeadReckoningAndTheStateIsTheEstimators) {
   const auto measurements = drive(100.0, 2.0);
-  SlamSystem system(makeConfig(PaperMode::kSlam));
-  Record record;
-  record.listenTo(system);
-  system.setRig(exampleRig());
-  for (const auto& m : measurements) system.add(m);
-  system.flush();
+  const Record record = run(measurements);
 
   DeadReckoning dead_reckoning;
   const auto estimator = makeEstimator(makeConfig(PaperMode::kSlam));
