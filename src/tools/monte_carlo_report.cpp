@@ -4,7 +4,8 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
-#include <stdexcept>
+
+#include "vi_ekf_slam/core/atomic_file.hpp"
 
 namespace vi_ekf_slam {
 
@@ -25,14 +26,9 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
 }
 
 void writeFile(const std::string& path, const std::string& text) {
-  const std::string part = path + ".part";
-  std::FILE* file = std::fopen(part.c_str(), "w");
-  if (file == nullptr) throw std::runtime_error(path + ": cannot be written");
-  const bool written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
-  if (std::fclose(file) != 0 || !written || std::rename(part.c_str(), path.c_str()) != 0) {
-    std::remove(part.c_str());
-    throw std::runtime_error(path + ": cannot be written in full");
-  }
+  AtomicFile file(path);
+  file << text;
+  file.commit();
 }
 
 double frameMean(const std::vector<SeedResult>& results, double (*value)(const SeedResult&)) {
