@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/invariant/deferred_step.hpp"
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/symmetric.hpp"
 
@@ -38,10 +39,9 @@ void addInverseS(const KalmanUpdate& step, Eigen::MatrixXd& sum) {
     sum += step.S_inverse;
     return;
   }
-  Eigen::MatrixXd HK = Eigen::MatrixXd::Zero(sum.rows(), sum.cols());
-  step.H.addProduct(HK, *step.K);
+  const Eigen::MatrixXd KtHt = step.H.timesTransposed((*step.K).transpose().eval());
   for (Eigen::Index i = 0; i < sum.rows(); i += 3) {
-    sum.middleRows<3>(i).noalias() -= step.R_inverse * HK.middleRows<3>(i);
+    addTurned(KtHt.middleCols<3>(i), -step.R_inverse, sum.middleCols<3>(i));
     sum.block<3, 3>(i, i) += step.R_inverse;
   }
 }
@@ -127,16 +127,19 @@ void InformationSweep::back(const KalmanUpdate& step) {
 }
 
 void InformationSweep::back(const Transport& step) {
-  for (const bool again : {false, true}) { // columns, and the rows as columns of the transposed
+  onBothSides(active(), [&step](Eigen::Ref<Eigen::MatrixXd>& information) {
+    auto position = information.middleCols<3>(kPosition);
     for (std::size_t i = 0; i < step.M.size(); ++i) {
-      auto own = active().middleCols<3>(State::offsetOf(i));
-      auto position = active().middleCols<3>(kPosition);
-      position += own;
-      own = (own * step.M[i]).eval();
-      position -= own;
+      auto own = information.middleCols<3>(State::offsetOf(i));
+      eachRows(own.rows(), [&](Eigen::Index row, auto count) {
+        constexpr int kRows = decltype(count)::value;
+        const Eigen::Matrix<double, kRows, 3> before = own.template middleRows<kRows>(row);
+        const Eigen::Matrix<double, kRows, 3> moved = before * step.M[i];
+        own.template middleRows<kRows>(row) = moved;
+        position.template middleRows<kRows>(row) += before - moved;
+      });
     }
-    if (!again) active().transposeInPlace();
-  }
+  });
 }
 
 void InformationSweep::back(const Birth&) {
@@ -196,7 +199,7 @@ void ForwardSweep::forward(const Transport& step) {
   const Eigen::Matrix<double, Eigen::Dynamic, 3> position = active().middleCols<3>(kPosition);
   for (std::size_t i = 0; i < step.M.size(); ++i) {
     auto own = active().middleCols<3>(State::offsetOf(i));
-    own = (position + (own - position) * step.M[i].transpose()).eval();
+    turnAbout(position, own, step.M[i].transpose(), own);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
 #include "vi_ekf_slam/core/invariant/symmetric.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
@@ -175,16 +176,12 @@ std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const 
 
 /// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p).
 void State::transport(const std::vector<Eigen::Matrix3d>& M) {
-  auto P = covariance_.topLeftCorner(size(), size());
-  for (const bool again : {false, true}) { // columns, and the rows as columns of the transposed
-    const auto position = P.middleCols<3>(kPosition);
+  onBothSides(covariance_.topLeftCorner(size(), size()), [&M](Eigen::Ref<Eigen::MatrixXd>& P) {
     for (std::size_t j = 0; j < M.size(); ++j) {
       auto own = P.middleCols<3>(offsetOf(j));
-      own = (position + (own - position) * M[j].transpose()).eval();
+      turnAbout(P.middleCols<3>(kPosition), own, M[j].transpose(), own);
     }
-    if (!again) P.transposeInPlace();
-  }
-  mirrorLower(P);
+  });
 }
 
 void State::reserve(Eigen::Index size) {

@@ -20,9 +20,7 @@ void State::turnToWorldAxes(Eigen::Ref<Eigen::MatrixXd> rows) const {
 
 State::Joint State::joint(const std::vector<std::size_t>& active) {
   Eigen::MatrixXd P = covariance();
-  turnToWorldAxes(P);
-  P.transposeInPlace();
-  turnToWorldAxes(P);
+  onBothSides(P, [this](Eigen::Ref<Eigen::MatrixXd>& rows) { turnToWorldAxes(rows); });
   Joint joint;
   std::vector<std::size_t> order;
   Eigen::MatrixXd cross(size(), 0);
@@ -90,21 +88,15 @@ void State::moveWorld(const SE3& to_T_world) {
   if (inactive_) inactive_->adopt({}, Eigen::MatrixXd(0, 0), Eigen::MatrixXd(size(), 0)); // nor the journal
   const Eigen::Matrix3d& R = to_T_world.rotation();
   const Eigen::Matrix3d shift = so3::hat(to_T_world.translation()) * R;
-  const auto move = [&](auto rows) {
-    const Eigen::Matrix<double, 3, Eigen::Dynamic> rotation = rows.template middleRows<3>(kRotation);
-    rows.template middleRows<3>(kPosition) =
-        (R * rows.template middleRows<3>(kPosition) + shift * rotation).eval();
-    rows.template middleRows<3>(kRotation) = R * rotation;
+  onBothSides(covariance_.topLeftCorner(size(), size()), [&](Eigen::Ref<Eigen::MatrixXd>& rows) {
+    const Eigen::Matrix<double, 3, Eigen::Dynamic> rotation = rows.middleRows<3>(kRotation);
+    rows.middleRows<3>(kPosition) = (R * rows.middleRows<3>(kPosition) + shift * rotation).eval();
+    rows.middleRows<3>(kRotation) = R * rotation;
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-      auto own = rows.template middleRows<3>(offsetOf(i));
+      auto own = rows.middleRows<3>(offsetOf(i));
       own = (R * own + shift * rotation).eval();
     }
-  };
-  auto P = covariance_.topLeftCorner(size(), size());
-  move(P);
-  P.transposeInPlace();
-  move(P);
-  mirrorLower(P);
+  });
   pose_ = (to_T_world * pose_).normalized();
   for (Landmark& landmark : landmarks_) landmark.position = to_T_world * landmark.position;
 }

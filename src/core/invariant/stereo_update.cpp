@@ -2,6 +2,9 @@
 
 #include <Eigen/Cholesky>
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
+#include "vi_ekf_slam/core/invariant/symmetric.hpp"
+
 namespace vi_ekf_slam::invariant {
 namespace {
 
@@ -34,8 +37,8 @@ Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
   Eigen::MatrixXd PHt(state.size(), rowsOf(observations));
   Eigen::Index column = 0;
   for (const Observation& o : observations) {
-    PHt.middleCols<3>(column).noalias() =
-        (P.middleCols<3>(State::offsetOf(o.landmark)) - P.middleCols<3>(kPosition)) * o.jacobian.transpose();
+    turnedFrom(P.middleCols<3>(kPosition), P.middleCols<3>(State::offsetOf(o.landmark)),
+               o.jacobian.transpose(), PHt.middleCols<3>(column));
     column += 3;
   }
   return PHt;
@@ -44,21 +47,16 @@ Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
 Eigen::MatrixXd StereoModel::innovationCovariance(const std::vector<Observation>& observations,
                                                   const Eigen::MatrixXd& PHt) const {
   const Eigen::Index rows = PHt.cols();
+  const Eigen::MatrixXd HP = PHt.transpose();
   Eigen::MatrixXd S(rows, rows);
   for (Eigen::Index column = 0; column < rows; column += 3) {
-    const auto about = PHt.middleCols<3>(column);
-    const Eigen::Matrix3d position = about.middleRows<3>(kPosition);
-    for (Eigen::Index row = column; row < rows; row += 3) {
-      const Observation& o = observations[static_cast<std::size_t>(row / 3)];
-      const Eigen::Matrix3d block =
-          o.jacobian * (about.middleRows<3>(State::offsetOf(o.landmark)) - position);
-      S.block<3, 3>(row, column) = block;
-      S.block<3, 3>(column, row) = block.transpose();
-    }
-    // Rounding leaves the block on the diagonal not quite symmetric.
-    const Eigen::Matrix3d own = S.block<3, 3>(column, column);
-    S.block<3, 3>(column, column) = 0.5 * (own + own.transpose()) + noise();
+    const Observation& o = observations[static_cast<std::size_t>(column / 3)];
+    const auto below = [column](auto columns) { return columns.bottomRows(columns.rows() - column); };
+    turnedFrom(below(HP.middleCols<3>(kPosition)), below(HP.middleCols<3>(State::offsetOf(o.landmark))),
+               o.jacobian.transpose(), below(S.middleCols<3>(column)));
+    S.block<3, 3>(column, column) += noise();
   }
+  mirrorLower(S);
   return S;
 }
 

@@ -9,6 +9,7 @@ namespace {
 using namespace test;
 
 constexpr FeatureId kNobody = ~FeatureId{0};
+constexpr double kRounding = 1e-11; // which row a landmark has is felt in the last digits
 
 /// A drive of 40 frames, and then the same frame by frame for two filters.
 class Pair {
@@ -86,7 +87,7 @@ TEST(Outcasts, AreNotUsedAgainWhileTheyAreInView) {
     EXPECT_EQ(with.initialised, without.initialised) << k;
     EXPECT_EQ(with.landmarks, without.landmarks) << k;
     EXPECT_EQ(with.features, with.invalid + with.used + with.rejected + with.initialised) << k;
-    expectSame(pair.first.state(), pair.second.state(), 0.0);
+    expectSame(pair.first.state(), pair.second.state(), kRounding);
   }
 }
 
@@ -106,7 +107,7 @@ TEST(Outcasts, AreForgottenOnceTheyAreGone) {
   EXPECT_EQ(returned.initialised, also.initialised);
   EXPECT_EQ(returned.rejected, also.rejected);
   EXPECT_GE(returned.initialised, 1u);
-  expectSame(pair.first.state(), pair.second.state(), 0.0);
+  expectSame(pair.first.state(), pair.second.state(), kRounding);
 }
 
 TEST(Outcasts, AreNotMadeOfAFrameThatIsRefusedAsAWhole) {

@@ -22,8 +22,7 @@ class KeptMatrix {
 };
 
 /// Memory for many matrices that are let go of in about the order in which they came, for hours: in large
-/// pieces, which the system gets back whole, and in huge pages where it has them. Copies fill the same piece,
-/// from any thread.
+/// pieces, which the system gets back whole. Copies fill the same piece, from any thread.
 class MatrixStore {
  public:
   /// The matrix, from now on in here. Throws std::bad_alloc.

@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
+
 namespace vi_ekf_slam::invariant {
 
 /// A measurement matrix H of 3x3 blocks: a measurement touches few of the state's errors.
@@ -22,27 +24,31 @@ class SparseRows {
   template <class Other>
   Eigen::MatrixXd timesTransposed(const Eigen::MatrixBase<Other>& X) const {
     Eigen::MatrixXd result = Eigen::MatrixXd::Zero(X.rows(), rows_);
-    for (const Block& b : blocks_) {
-      result.middleCols<3>(b.row).noalias() += X.template middleCols<3>(b.column) * b.value.transpose();
-    }
+    for (const Block& b : blocks_)
+      addTurned(X.template middleCols<3>(b.column), b.value.transpose(), result.middleCols<3>(b.row));
     return result;
   }
 
   /// P -= X H + (X H)^T, for symmetric P (n x n) and X (n x rows()).
   template <class Symmetric>
   void subtractSymmetric(Symmetric&& P, const Eigen::MatrixXd& X) const {
+    // X H by columns first: rows are far apart in memory, and many blocks are of the same columns.
+    std::vector<Eigen::Index> place(static_cast<std::size_t>(P.cols()), -1), columns;
     for (const Block& b : blocks_) {
-      const Eigen::Matrix<double, Eigen::Dynamic, 3> product = X.middleCols<3>(b.row) * b.value;
-      P.template middleCols<3>(b.column) -= product;
-      P.template middleRows<3>(b.column) -= product.transpose();
+      Eigen::Index& own = place[static_cast<std::size_t>(b.column)];
+      if (own >= 0) continue;
+      own = 3 * static_cast<Eigen::Index>(columns.size());
+      columns.push_back(b.column);
     }
-  }
-
-  /// result += H X, for X (n x m).
-  template <class Other>
-  void addProduct(Eigen::MatrixXd& result, const Eigen::MatrixBase<Other>& X) const {
+    Eigen::MatrixXd product = Eigen::MatrixXd::Zero(P.rows(), 3 * static_cast<Eigen::Index>(columns.size()));
     for (const Block& b : blocks_)
-      result.middleRows<3>(b.row).noalias() += b.value * X.template middleRows<3>(b.column);
+      addTurned(X.middleCols<3>(b.row), b.value,
+                product.middleCols<3>(place[static_cast<std::size_t>(b.column)]));
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const auto own = product.middleCols<3>(3 * static_cast<Eigen::Index>(i));
+      P.template middleCols<3>(columns[i]) -= own;
+      P.template middleRows<3>(columns[i]) -= own.transpose();
+    }
   }
 
   /// result += H^T X, for X (rows() x m).

@@ -7,4 +7,14 @@ namespace vi_ekf_slam::invariant {
 /// Copies the lower triangle of a square matrix onto the upper one, block by block for the cache's sake.
 void mirrorLower(Eigen::Ref<Eigen::MatrixXd> matrix);
 
+/// P <- T P T^T for symmetric P and `transform`, which applies T to the rows of what it is given, or its
+/// transpose to the columns.
+template <class Transform>
+void onBothSides(Eigen::Ref<Eigen::MatrixXd> P, const Transform& transform) {
+  transform(P);
+  P.transposeInPlace();
+  transform(P);
+  mirrorLower(P);
+}
+
 } // namespace vi_ekf_slam::invariant
