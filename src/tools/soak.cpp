@@ -34,13 +34,13 @@ constexpr double kAllowedGrowth = 0.05;
 const char* const kUsage =
     "usage: soak [--frames N] [--features N] [--seed N] [--output DIR]\n"
     "  --frames N    10 Hz; default 864000, a day\n"
-    "  --features N  of a frame at most; default 40\n"
+    "  --features N  of a frame at most; default 55\n"
     "  --seed N      of the simulated drive; default 1\n"
     "  --output DIR  for the results; default: a folder below the temporary one\n";
 
 struct Options {
   std::size_t frames = 864000;
-  int features = 40;
+  int features = 55;
   std::uint64_t seed = 1;
   std::string output;
 };
@@ -158,7 +158,7 @@ class Soak {
     drive.features_min = std::min(drive.features_min, options_.features / 2 + 1);
     drive.duration = static_cast<double>(options_.frames) / kFrameRate;
     drive.frame_rate = kFrameRate;
-    drive.track_median = 4.0; // short tracks, many landmarks: the map is full within the first hour
+    drive.track_median = 4.0; // short tracks: map and archive are full within the first hour
     simulation::DriveSimulator simulator(drive);
     system_.setRig(simulator.rig());
     while (auto step = simulator.next()) {
