@@ -8,7 +8,7 @@ namespace {
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
-constexpr int kPause = 4;              // such waits in vain, after which paths are sent whole
+constexpr int kPause = 4;              // such waits in vain, from which on paths are sent whole
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
 } // namespace
@@ -103,7 +103,7 @@ void SlamNode::work() {
       auto item = queue_.pop(kIdlePeriod);
       idle = item ? 0 : idle + 1;
       if (item) process(*item);
-      if (idle == kPause) publishers_.publishUnsent();
+      if (idle >= kPause) publishers_.publishUnsent();
       if (!item && queue_.closed()) return;
       publishers_.serveNewListeners();
       checkHealth();
