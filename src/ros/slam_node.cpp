@@ -6,7 +6,6 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
-constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
 constexpr int kPause = 4;              // such waits in vain, from which on paths are sent whole
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
@@ -174,10 +173,7 @@ void SlamNode::checkHealth() {
   last_health_ = WorkQueue::Clock::now();
   diagnostics_.publish();
   if (secondsSince(last_warning_) >= kWarningPeriod) warn();
-  const double period = settings_.autosave_period_s;
-  // After a day the files are large: saving takes a tenth of the time at most.
-  const double due = std::max(period, kAutosaveCost * autosave_cost_s_);
-  if (!settings_.output_dir.empty() && period > 0.0 && secondsSince(last_autosave_) >= due) autosave();
+  if (isAutosaveDue()) autosave();
 }
 
 void SlamNode::warn() {
