@@ -1,6 +1,7 @@
 // What SlamNode writes while it runs: from copies, beside the work, and one thread at a time.
 
 #include <algorithm>
+#include <utility>
 
 #include "vi_ekf_slam/ros/slam_node.hpp"
 
@@ -92,10 +93,11 @@ bool SlamNode::serveSaveTrajectory(std_srvs::Trigger::Request& /*request*/,
 bool SlamNode::serveSaveMap(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
   bool has_joint_map = false;
   const auto snapshot = [&] {
-    const auto joint_map = maps_.snapshot(system_.estimator());
+    auto joint_map = maps_.snapshot(system_.estimator());
     has_joint_map = joint_map != nullptr;
-    return [this, joint_map, landmarks = system_.estimator().exactMap()] {
+    return [this, joint_map = std::move(joint_map), landmarks = system_.estimator().exactMap()]() mutable {
       RunWriter::writeMap(settings_.output_dir, landmarks());
+      landmarks = nullptr; // lets go of what would have to be copied for joint_map to change it
       if (!joint_map) return;
       maps_.write(joint_map);
       maps_.askFor();
