@@ -156,10 +156,10 @@ double RunWriter::sensorSeconds() const { return runs_.back().records.seconds();
 
 void RunWriter::writeRun(const std::string& directory, const Run& run) {
   makeDirectory(directory);
-  AtomicFile trajectory(pathIn(directory, "trajectory.tum"));
-  AtomicFile dead_reckoning(pathIn(directory, "dead_reckoning.tum"));
-  AtomicFile covariance(pathIn(directory, "covariance.csv"));
-  AtomicFile frames(pathIn(directory, "frames.csv"));
+  AtomicFile trajectory(pathIn(directory, kTrajectory));
+  AtomicFile dead_reckoning(pathIn(directory, kDeadReckoning));
+  AtomicFile covariance(pathIn(directory, kCovariance));
+  AtomicFile frames(pathIn(directory, kFrames));
   covariance << covarianceHeader();
   frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
             "update_ms\n";
@@ -176,11 +176,11 @@ void RunWriter::writeRun(const std::string& directory, const Run& run) {
 void RunWriter::writeTrajectory(const std::string& directory) const {
   writeRun(directory, runs_.back());
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
-    writeRun((fs::path(directory) / ("before_reset_" + std::to_string(i + 1))).string(), runs_[i]);
+    writeRun((fs::path(directory) / (kBeforeReset + std::to_string(i + 1))).string(), runs_[i]);
   }
 }
 
-void RunWriter::writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) const {
+void RunWriter::writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) {
   makeDirectory(directory);
   std::string text = "id,x,y,z,xx,xy,xz,yy,yz,zz\n";
   for (const LandmarkEstimate& landmark : landmarks) {
@@ -188,7 +188,7 @@ void RunWriter::writeMap(const std::string& directory, const std::vector<Landmar
     text += format("%llu,%.9f,%.9f,%.9f", static_cast<unsigned long long>(landmark.id), p.x(), p.y(), p.z()) +
             upperTriangle(landmark.covariance) + "\n";
   }
-  AtomicFile file(pathIn(directory, "landmarks.csv"));
+  AtomicFile file(pathIn(directory, kLandmarks));
   file << text;
   file.commit();
 }
@@ -220,7 +220,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
     separator = ", ";
   }
   text << "}\n";
-  AtomicFile file(pathIn(directory, "summary.yaml"));
+  AtomicFile file(pathIn(directory, kSummary));
   file << text.str();
   file.commit();
 }

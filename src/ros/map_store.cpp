@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {
@@ -14,9 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kResults[] = {"trajectory.tum", "dead_reckoning.tum", "covariance.csv",
-                                    "frames.csv",     "landmarks.csv",      "summary.yaml"};
-constexpr char kBeforeReset[] = "before_reset_"; // RunWriter's
 constexpr char kBeforeResume[] = "before_resume_", kBroken[] = "map_broken_";
 
 fs::path numbered(const fs::path& directory, const char* stem, int number, const char* extension) {
@@ -34,11 +32,12 @@ int firstFree(const fs::path& directory, const char* stem, const char* extension
 /// Respawned before it has left anything, it has left nothing to be moved.
 void moveEarlierResults(const fs::path& directory) {
   std::vector<fs::path> results;
-  for (const char* name : kResults) {
+  for (const char* name : RunWriter::kFiles) {
     if (fs::exists(directory / name)) results.push_back(directory / name);
   }
   for (const auto& entry : fs::directory_iterator(directory)) {
-    if (entry.path().filename().string().rfind(kBeforeReset, 0) == 0) results.push_back(entry.path());
+    if (entry.path().filename().string().rfind(RunWriter::kBeforeReset, 0) == 0)
+      results.push_back(entry.path());
   }
   const fs::path map = directory / kMapFileName;
   const int number = firstFree(directory, kBeforeResume, "");

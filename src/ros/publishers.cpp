@@ -37,7 +37,9 @@ ros::Publisher Publishers::advertiseLatched(const std::string& topic) {
 Publishers::PathOutput Publishers::makePath(const std::string& topic) {
   return {PathRecorder(config_.map_frame, config_.path_max_points, config_.path_min_distance_m),
           Pacer(config_.path_period_s, config_.max_bandwidth_bytes_s),
-          advertiseLatched<nav_msgs::Path>(topic), false};
+          advertiseLatched<nav_msgs::Path>(topic),
+          false,
+          {}};
 }
 
 void Publishers::publish(const Output& output, bool is_frame, const std::string& imu_frame) {
@@ -63,6 +65,7 @@ void Publishers::sendPath(PathOutput& output) {
   output.publisher.publish(output.path.message());
   output.pacer.noteSent(*last_stamp_, ros::serialization::serializationLength(output.path.message()));
   output.changed = false;
+  output.sent = ros::SteadyTime::now();
 }
 
 void Publishers::sendMap() {
@@ -94,7 +97,8 @@ void Publishers::publishAll() {
 
 void Publishers::publishUnsent() {
   for (PathOutput* path : {&path_, &dead_reckoning_path_}) {
-    if (path->changed && last_stamp_) sendPath(*path);
+    const bool due = (ros::SteadyTime::now() - path->sent).toSec() >= path->pacer.wait();
+    if (path->changed && last_stamp_ && due) sendPath(*path);
   }
 }
 

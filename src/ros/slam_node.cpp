@@ -1,60 +1,16 @@
 #include "vi_ekf_slam/ros/slam_node.hpp"
 
-#include <cmath>
-#include <cstdlib>
-#include <filesystem>
 #include <utility>
-
-#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
-constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
-constexpr int kPause = 4;              // such waits in vain, after which paths are sent whole
+constexpr int kPause = 4;              // such waits in vain, from which on paths are sent whole
 constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
 
-/// Absolute, with a leading ~ replaced by the home directory.
-std::string absolutePath(const std::string& path) {
-  if (path.empty()) return path;
-  const char* home = std::getenv("HOME");
-  const bool from_home = home != nullptr && (path == "~" || path.rfind("~/", 0) == 0);
-  return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
-}
-
 } // namespace
-
-SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
-  Settings settings;
-  settings.source = "parameters of " + private_nh.getNamespace();
-  XmlRpc::XmlRpcValue tree;
-  std::string yaml;
-  if (private_nh.getParam(private_nh.getNamespace(), tree) &&
-      tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
-    // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
-    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
-                         "diagnostic_period", "tuning"});
-  }
-  settings.config = parseFullConfig(yaml, settings.source);
-  if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
-    throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
-  }
-  const double& period = settings.autosave_period_s;
-  if (private_nh.hasParam("autosave_period") &&
-      (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
-       period < 0.0 || period > 1e6)) {
-    throw ConfigError(settings.source +
-                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
-  }
-  settings.output_dir = absolutePath(settings.output_dir);
-  settings.maps = MapStore::readSettings(private_nh, settings.source,
-                                         {settings.output_dir, {}, false, settings.config.ros.map_frame});
-  settings.maps.map_file = absolutePath(settings.maps.map_file);
-  if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
-  return settings;
-}
 
 InputTopics SlamNode::resolvedTopics(const ros::NodeHandle& nh) {
   InputTopics topics;
@@ -139,17 +95,6 @@ void SlamNode::subscribe() {
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
 }
 
-void SlamNode::advertiseServices() {
-  ros::NodeHandle nh(private_nh_);
-  nh.setCallbackQueue(&service_queue_);
-  services_ = {nh.advertiseService("reset", &SlamNode::serveReset, this),
-               nh.advertiseService("save_trajectory", &SlamNode::serveSaveTrajectory, this),
-               nh.advertiseService("save_map", &SlamNode::serveSaveMap, this),
-               nh.advertiseService("load_map", &SlamNode::serveLoadMap, this)};
-  tuning_ = std::make_unique<Tuning>(nh, settings_.config, [this](const TuningConfig& t) { return tune(t); });
-  service_spinner_.start();
-}
-
 void SlamNode::work() {
   try {
     int idle = 0;
@@ -157,7 +102,7 @@ void SlamNode::work() {
       auto item = queue_.pop(kIdlePeriod);
       idle = item ? 0 : idle + 1;
       if (item) process(*item);
-      if (idle == kPause) publishers_.publishUnsent();
+      if (idle >= kPause) publishers_.publishUnsent();
       if (!item && queue_.closed()) return;
       publishers_.serveNewListeners();
       checkHealth();
@@ -186,25 +131,6 @@ void SlamNode::process(WorkQueue::Item& item) {
 std::string SlamNode::failure() const {
   const std::lock_guard<std::mutex> lock(failure_mutex_);
   return failure_;
-}
-
-bool SlamNode::runInWorker(const std::function<void()>& task) {
-  const auto packaged = std::make_shared<std::packaged_task<void()>>(task);
-  std::future<void> done = packaged->get_future();
-  if (!queue_.push([packaged] { (*packaged)(); }, {})) return false;
-  try {
-    done.get();
-  } catch (const std::future_error&) {
-    return false; // the node ends, and the task was thrown away
-  }
-  return true;
-}
-
-bool SlamNode::tune(const TuningConfig& tuning) {
-  return runInWorker([&] {
-    publishers_.setRates(tuning.path_period_s, tuning.landmark_period_s, tuning.max_bandwidth_bytes_s);
-    system_.setGates(gatesOf(tuning));
-  });
 }
 
 void SlamNode::handleOutput(const Output& output, bool is_frame) {
@@ -247,10 +173,7 @@ void SlamNode::checkHealth() {
   last_health_ = WorkQueue::Clock::now();
   diagnostics_.publish();
   if (secondsSince(last_warning_) >= kWarningPeriod) warn();
-  const double period = settings_.autosave_period_s;
-  // After a day the files are large: saving takes a tenth of the time at most.
-  const double due = std::max(period, kAutosaveCost * autosave_cost_s_);
-  if (!settings_.output_dir.empty() && period > 0.0 && secondsSince(last_autosave_) >= due) autosave();
+  if (isAutosaveDue()) autosave();
 }
 
 void SlamNode::warn() {
@@ -274,28 +197,6 @@ void SlamNode::warn() {
   if (warning.empty()) return;
   last_warning_ = WorkQueue::Clock::now();
   ROS_WARN_STREAM(warning);
-}
-
-std::function<SavedMap()> SlamNode::mapToKeep() const {
-  return maps_.keepsSaved() ? maps_.snapshot(system_.estimator()) : nullptr;
-}
-
-/// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
-void SlamNode::autosave() {
-  if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
-  last_autosave_ = WorkQueue::Clock::now();
-  autosave_ =
-      std::async(std::launch::async, [this, writer = writer_, summary = summary(),
-                                      landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
-        const auto start = WorkQueue::Clock::now();
-        try {
-          save(writer, settings_.output_dir, summary, landmarks);
-          if (map) maps_.write(map);
-        } catch (const std::exception& e) {
-          ROS_ERROR_STREAM("not saved: " << e.what());
-        }
-        autosave_cost_s_ = secondsSince(start);
-      });
 }
 
 void SlamNode::stopWork() {
@@ -332,86 +233,6 @@ void SlamNode::finish() {
   } catch (const std::exception& e) {
     ROS_ERROR_STREAM("not saved: " << e.what());
   }
-}
-
-void SlamNode::save(const RunWriter& writer, const std::string& directory, const RunSummary& summary,
-                    const std::vector<LandmarkEstimate>& landmarks) {
-  writer.writeTrajectory(directory);
-  writer.writeMap(directory, landmarks);
-  writer.writeSummary(directory, summary, landmarks.size());
-}
-
-RunSummary SlamNode::summary() const {
-  return {"topics", settings_.source, secondsSince(start_), system_.counts(), diagnostics_.allTurnedAway()};
-}
-
-bool SlamNode::saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response) {
-  response.success = 0;
-  if (settings_.output_dir.empty()) {
-    response.message = "nothing saved: set " + private_nh_.resolveName("output_dir") + " and restart";
-    return true;
-  }
-  try {
-    const bool done = runInWorker([&] {
-      if (autosave_.valid()) autosave_.wait(); // it writes the same files
-      write();
-    });
-    response.success = done ? 1 : 0;
-    response.message = done ? "saved in " + settings_.output_dir : "nothing saved: the node is ending";
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
-  return true;
-}
-
-bool SlamNode::serveReset(std_srvs::Empty::Request& /*request*/, std_srvs::Empty::Response& /*response*/) {
-  return runInWorker([this] { system_.reset("asked for by " + private_nh_.resolveName("reset")); });
-}
-
-bool SlamNode::serveSaveTrajectory(std_srvs::Trigger::Request& /*request*/,
-                                   std_srvs::Trigger::Response& response) {
-  return saveService([this] { writer_.writeTrajectory(settings_.output_dir); }, response);
-}
-
-bool SlamNode::serveSaveMap(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
-  std::function<SavedMap()> map;
-  saveService(
-      [&] {
-        writer_.writeMap(settings_.output_dir, system_.estimator().exactLandmarks());
-        map = maps_.snapshot(system_.estimator());
-      },
-      response);
-  if (!response.success) return true;
-  if (!map) {
-    response.message +=
-        ", but no map.bag: the estimator keeps no joint covariance yet, or is not relocalised in what it "
-        "loaded";
-    return true;
-  }
-  try {
-    maps_.write(map); // in this thread: the exact covariance takes its time
-    maps_.askFor();
-  } catch (const std::exception& e) {
-    response.success = 0;
-    response.message = e.what();
-  }
-  return true;
-}
-
-/// The file is read before anything is given up for it.
-bool SlamNode::serveLoadMap(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
-  response.success = 0;
-  try {
-    const auto map = maps_.load();
-    const bool done = runInWorker([&] { system_.loadMap(map, maps_.source()); });
-    response.success = done ? 1 : 0;
-    response.message = done ? "loaded " + maps_.source() + " with " + std::to_string(map->landmarks.size()) +
-                                  " landmarks; not yet relocalised in it"
-                            : "nothing loaded: the node is ending";
-  } catch (const std::exception& e) {
-    response.message = e.what();
-  }
-  return true;
 }
 
 } // namespace vi_ekf_slam

@@ -33,7 +33,9 @@ Gates gatesOf(const TuningConfig& tuning) {
 
 Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
                std::function<bool(const TuningConfig&)> apply)
-    : current_(tuningOf(config)), apply_(std::move(apply)), server_(ros::NodeHandle(private_nh, "tuning")) {
+    : current_(tuningOf(config)),
+      apply_(std::move(apply)),
+      server_(mutex_, ros::NodeHandle(private_nh, "tuning")) {
   // What an earlier node left on the parameter server does not count: the configuration says what is.
   server_.updateConfig(current_);
   server_.setCallback([this](TuningConfig& wanted, std::uint32_t /*level*/) { change(wanted); });

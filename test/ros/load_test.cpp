@@ -141,8 +141,12 @@ TEST(Pace, holds_period_and_bandwidth) {
   pacer.noteSent(kSecond, 3000000); // 3 s at this bandwidth
   EXPECT_FALSE(pacer.isDue(kSecond * 39 / 10));
   EXPECT_TRUE(pacer.isDue(4 * kSecond));
+  EXPECT_EQ(3.0, pacer.wait());
+  pacer.setRate(5.0, 1e6);
+  EXPECT_EQ(5.0, pacer.wait());
   pacer.restart();
   EXPECT_TRUE(pacer.isDue(0));
+  EXPECT_EQ(0.0, pacer.wait());
 }
 
 StereoFrame frameOf(const std::vector<StereoPixels>& pixels) {

@@ -8,11 +8,18 @@ import time
 
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry, Path
 from std_srvs.srv import Trigger
 
 import drive_data
 from node_runner import START, NodeRunner
+from waiting import wait_for
+
+ALONE = "begun anew, no map loaded"
+WAITING = "map loaded, not yet relocalised: poses are in a frame of their own"
+RELOCALISED = "relocalised in the loaded map"
+RESUMED = "resumed from the saved map"
 
 
 class SavedMap(NodeRunner):
@@ -22,14 +29,25 @@ class SavedMap(NodeRunner):
 
     def setUp(self):
         super().setUp()
-        self.odometry, self.paths = [], []
-        for topic, kind, heard in (("odometry", Odometry, self.odometry), ("path", Path, self.paths)):
+        self.odometry, self.paths, self.reports = [], [], []
+        for topic, kind, heard in (("odometry", Odometry, self.odometry), ("path", Path, self.paths),
+                                   ("/diagnostics", DiagnosticArray, self.reports)):
             listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
             self.addCleanup(listener.unregister)
 
     def answered(self, stamp):
         """Waits for the odometry of this stamp (s); less than the buffer holds back at the end of a drive."""
         self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
+
+    def wait_for_report(self, level, text):
+        """Until the diagnostics say this of the map, from now on."""
+        del self.reports[:]
+        said = []
+
+        def is_said():
+            said[:] = [(s.level, s.message) for r in self.reports for s in r.status if s.name == self.name + ": map"]
+            return (level, text) in said
+        self.assertTrue(wait_for(is_said, 10.0), said)
 
     def call(self, service):
         """Calls a private service."""
@@ -57,6 +75,7 @@ class SavedMap(NodeRunner):
         node = self.start_node(output_dir=first, autosave_period=0)
         self.play(0.0, 8.0)
         self.answered(START + 7.7)
+        self.wait_for_report(DiagnosticStatus.OK, ALONE)
         answer = self.call("save_map")
         self.assertTrue(answer.success, answer.message)
         node.terminate()
@@ -72,6 +91,9 @@ class SavedMap(NodeRunner):
         parameters = {"output_dir": self.output, "autosave_period": 0.5, "resume": True}
         node = self.start_node(**parameters)
         self.play(0.0, 6.0)
+        for service in ("save_map", "save_trajectory"):  # beside the autosaves
+            answer = self.call(service)
+            self.assertTrue(answer.success, answer.message)
         self.answered(START + 5.7)
         self.wait_for(lambda: self.stamps("trajectory.tum") and self.stamps("trajectory.tum")[-1] >= START + 5.7)
         self.wait_for(lambda: os.path.exists(os.path.join(self.output, "map.bag")))
@@ -85,6 +107,7 @@ class SavedMap(NodeRunner):
         node = self.start_node(**parameters)
         self.play(6.6, 10.0)
         self.answered(START + 9.7)
+        self.wait_for_report(DiagnosticStatus.OK, RESUMED)
         node.terminate()
         self.assertEqual(0, node.wait(20))
         errors = self.errors(self.odometry)
@@ -116,8 +139,10 @@ class SavedMap(NodeRunner):
         start = START + 500.0
         second = os.path.join(self.output, "second")
         node = self.start_node(output_dir=second, autosave_period=0, map_file=path)
+        self.wait_for_report(DiagnosticStatus.WARN, WAITING)
         self.play(6.0, 8.0, start)
         self.answered(start + 7.7)
+        self.wait_for_report(DiagnosticStatus.OK, RELOCALISED)
         self.assertGreater(self.errors(self.odometry[:1], start)[0], 5.0)
         self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
         self.wait_for(lambda: self.paths and self.errors(self.paths[-1].poses[:1], start)[0] < 0.5)  # begun anew
@@ -138,6 +163,7 @@ class SavedMap(NodeRunner):
             file.write(content)
         answer = self.call("load_map")
         self.assertTrue(answer.success, answer.message)
+        self.wait_for_report(DiagnosticStatus.WARN, WAITING)
         self.play(9.1, 11.0, start)
         self.answered(start + 10.7)
         self.assertLess(self.errors(self.odometry, start)[-1], 0.5)

@@ -94,13 +94,17 @@ class Estimator {
   /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller
   /// since.
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
-  /// The same with the covariances of now, which may take as long as some seconds of the drive did.
-  virtual std::vector<LandmarkEstimate> exactLandmarks() const { return landmarks(); }
+  /// The same with the covariances of now. Cheap to be made; calling it computes, which may take as long as
+  /// some seconds of the drive did, and may be done in any thread.
+  virtual std::function<std::vector<LandmarkEstimate>()> exactMap() const {
+    return [all = landmarks()] { return all; };
+  }
+  std::vector<LandmarkEstimate> exactLandmarks() const { return exactMap()(); }
 
   /// Whether it keeps a joint covariance of pose and map; only then the following do anything.
   virtual bool keepsJointMap() const { return false; }
-  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactLandmarks does,
-  /// and may be done in any thread. Empty where there is nothing yet.
+  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactMap's does, and
+  /// may be done in any thread. Empty where there is nothing yet.
   virtual std::function<SavedMap()> savedMap() const { return {}; }
   /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is
   /// its own.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -34,6 +35,14 @@ struct RunSummary {
 /// cause.
 class RunWriter {
  public:
+  static constexpr const char *kTrajectory = "trajectory.tum", *kDeadReckoning = "dead_reckoning.tum",
+                              *kCovariance = "covariance.csv", *kFrames = "frames.csv",
+                              *kLandmarks = "landmarks.csv", *kSummary = "summary.yaml";
+  static constexpr std::array<const char*, 6> kFiles = {kTrajectory, kDeadReckoning, kCovariance,
+                                                        kFrames,     kLandmarks,     kSummary};
+  /// What the names of the folders of earlier starts begin with.
+  static constexpr const char* kBeforeReset = "before_reset_";
+
   void addFrame(const Output& output);
   /// Kept only as long as there is no frame.
   void addGyro(const Output& output);
@@ -51,7 +60,7 @@ class RunWriter {
   /// early.
   static void makeDirectory(const std::string& directory);
   void writeTrajectory(const std::string& directory) const;
-  void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) const;
+  static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
   void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 
  private:

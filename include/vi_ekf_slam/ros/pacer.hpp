@@ -20,6 +20,8 @@ class Pacer {
     last_bytes_ = bytes;
     wait_s_ = std::max(period_s_, static_cast<double>(bytes) / bytes_per_s_);
   }
+  /// s from the last one to the next at least.
+  double wait() const { return last_ ? wait_s_ : 0.0; }
   void restart() { last_.reset(); }
   /// From now on, and for what was sent last.
   void setRate(double period_s, double bytes_per_s) {

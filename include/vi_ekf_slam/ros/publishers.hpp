@@ -30,7 +30,8 @@ class Publishers {
   void publish(const Output& output, bool is_frame, const std::string& imu_frame);
   /// Paths and map as they are now, whatever was sent before.
   void publishAll();
-  /// What was held back of the paths for the bandwidth's sake, when nothing more seems to come.
+  /// What was held back of the paths for the bandwidth's sake, when nothing more seems to come: at the same
+  /// pace, by wall time.
   void publishUnsent();
   /// Sends paths and map to listeners that have come since the last call.
   void serveNewListeners();
@@ -46,6 +47,7 @@ class Publishers {
     Pacer pacer;
     ros::Publisher publisher;
     bool changed = false; ///< since it was sent
+    ros::SteadyTime sent; ///< by wall time, for when sensor time stands still
   };
 
   template <typename Message>

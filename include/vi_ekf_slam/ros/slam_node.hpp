@@ -29,7 +29,8 @@ namespace vi_ekf_slam {
 ///
 /// Three threads: the callbacks of the topics (the node's or nodelet's queue) only put messages into a
 /// WorkQueue; a worker takes them out, computes and publishes, and owns everything but that queue; services
-/// have a thread of their own, hand their work to the worker and wait for it.
+/// have a thread of their own, hand their work to the worker and wait for it; what they save is a copy that
+/// the worker makes, computed and written in their thread.
 class SlamNode {
  public:
   /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the
@@ -48,6 +49,9 @@ class SlamNode {
   std::string failure() const;
 
  private:
+  /// Made in the worker; what it returns computes and writes, in any thread.
+  using Snapshot = std::function<std::function<void()>()>;
+
   struct Settings {
     FullConfig config;
     std::string source;              ///< where the parameters are, for messages
@@ -77,11 +81,12 @@ class SlamNode {
   void handleReset(const std::string& reason);
   void checkHealth();
   void warn();
+  bool isAutosaveDue() const;
   void autosave();
   static void save(const RunWriter& writer, const std::string& directory, const RunSummary& summary,
                    const std::vector<LandmarkEstimate>& landmarks);
   RunSummary summary() const;
-  bool saveService(const std::function<void()>& write, std_srvs::Trigger::Response& response);
+  bool saveService(const Snapshot& snapshot, std_srvs::Trigger::Response& response);
   bool serveReset(std_srvs::Empty::Request& request, std_srvs::Empty::Response& response);
   bool serveSaveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool serveSaveMap(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
@@ -103,8 +108,9 @@ class SlamNode {
   WorkQueue::Clock::time_point last_health_ = start_;
   WorkQueue::Clock::time_point last_warning_ = start_;
   WorkQueue::Clock::time_point last_autosave_ = start_;
-  std::future<void> autosave_;
+  std::shared_future<void> autosave_;
   std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
+  std::atomic<bool> service_saves_{false};   ///< set by the worker: no autosave begins
   WorkQueue::Clock::time_point item_arrival_ = start_;
   std::map<std::string, std::uint64_t> warned_turned_away_;
   bool finished_ = false;

@@ -3,6 +3,7 @@
 #include <dynamic_reconfigure/server.h>
 #include <ros/ros.h>
 
+#include <boost/thread/recursive_mutex.hpp>
 #include <functional>
 #include <memory>
 
@@ -25,6 +26,7 @@ class Tuning {
 
   TuningConfig current_;
   std::function<bool(const TuningConfig&)> apply_;
+  boost::recursive_mutex mutex_; ///< the server's: with one of its own it warns of updateConfig
   dynamic_reconfigure::Server<TuningConfig> server_;
 };
 

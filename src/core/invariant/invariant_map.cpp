@@ -185,8 +185,9 @@ std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
   return landmarks(InactiveMap::Covariances::kLastSettled);
 }
 
-std::vector<LandmarkEstimate> InvariantEstimator::exactLandmarks() const {
-  return landmarks(InactiveMap::Covariances::kExact);
+/// Of a copy: what is large in it is shared.
+std::function<std::vector<LandmarkEstimate>()> InvariantEstimator::exactMap() const {
+  return [copy = *this] { return copy.landmarks(InactiveMap::Covariances::kExact); };
 }
 
 std::vector<LandmarkEstimate> InvariantEstimator::landmarks(InactiveMap::Covariances covariances) const {

@@ -63,6 +63,37 @@ TEST(Snapshot, IsOfWhenItWasMade) {
   EXPECT_NE(savedOf(estimator)->stamp, then->stamp);
 }
 
+TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
+  Road road(8, 40, kTypical);
+  InvariantConfig config;
+  config.map.max_landmarks = 30; // so that some are archived
+  InvariantEstimator estimator = driven(road, 60, config);
+  const auto snapshot = estimator.exactMap();
+  const std::vector<LandmarkEstimate> then = estimator.exactLandmarks();
+  for (int i = 0; i < 40; ++i) road.feed(estimator);
+  const std::vector<LandmarkEstimate> later = snapshot();
+  ASSERT_EQ(later.size(), then.size());
+  for (std::size_t i = 0; i < then.size(); ++i) {
+    EXPECT_EQ(later[i].id, then[i].id);
+    EXPECT_EQ(later[i].position, then[i].position);
+    EXPECT_EQ(later[i].covariance, then[i].covariance);
+  }
+  EXPECT_NE(estimator.exactLandmarks().back().id, then.back().id) << "the drive went on";
+}
+
+TEST(Snapshot, OfTheLandmarksIsExact) {
+  Road road(9, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60);
+  const std::vector<LandmarkEstimate> exact = estimator.exactMap()(), last_settled = estimator.landmarks();
+  ASSERT_EQ(exact.size(), last_settled.size());
+  double gained = 0.0;
+  for (std::size_t i = 0; i < exact.size(); ++i) {
+    EXPECT_EQ(exact[i].id, last_settled[i].id);
+    gained += last_settled[i].covariance.trace() - exact[i].covariance.trace();
+  }
+  EXPECT_GT(gained, 0.0);
+}
+
 TEST(Snapshot, ThereIsNoneWithoutAJointMapOrAMeasurement) {
   InvariantConfig config;
   EXPECT_FALSE(makeEstimator(config).savedMap());

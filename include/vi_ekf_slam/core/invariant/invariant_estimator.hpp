@@ -35,7 +35,7 @@ class InvariantEstimator : public Estimator {
   void setGates(const Gates& gates) override;
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
-  std::vector<LandmarkEstimate> exactLandmarks() const override;
+  std::function<std::vector<LandmarkEstimate>()> exactMap() const override;
   bool keepsJointMap() const override { return state_.keepsInactive(); }
   std::function<SavedMap()> savedMap() const override;
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override;

@@ -1,0 +1,53 @@
+// The parameters that SlamNode starts with.
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+/// Absolute, with a leading ~ replaced by the home directory.
+std::string absolutePath(const std::string& path) {
+  if (path.empty()) return path;
+  const char* home = std::getenv("HOME");
+  const bool from_home = home != nullptr && (path == "~" || path.rfind("~/", 0) == 0);
+  return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
+}
+
+} // namespace
+
+SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
+  Settings settings;
+  settings.source = "parameters of " + private_nh.getNamespace();
+  XmlRpc::XmlRpcValue tree;
+  std::string yaml;
+  if (private_nh.getParam(private_nh.getNamespace(), tree) &&
+      tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
+    // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
+    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                         "diagnostic_period", "tuning"});
+  }
+  settings.config = parseFullConfig(yaml, settings.source);
+  if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
+    throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
+  }
+  const double& period = settings.autosave_period_s;
+  if (private_nh.hasParam("autosave_period") &&
+      (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
+       period < 0.0 || period > 1e6)) {
+    throw ConfigError(settings.source +
+                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
+  }
+  settings.output_dir = absolutePath(settings.output_dir);
+  settings.maps = MapStore::readSettings(private_nh, settings.source,
+                                         {settings.output_dir, {}, false, settings.config.ros.map_frame});
+  settings.maps.map_file = absolutePath(settings.maps.map_file);
+  if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
+  return settings;
+}
+
+} // namespace vi_ekf_slam
