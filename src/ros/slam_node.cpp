@@ -227,7 +227,9 @@ void SlamNode::finish() {
       publishers_.publishAll();
     }
     if (settings_.output_dir.empty()) return;
-    save(writer_, settings_.output_dir, summary(), system_.estimator().exactLandmarks());
+    save(writer_, settings_.output_dir, summary(), system_.estimator().landmarks());
+    // Takes longer: who ends the node may not wait for it.
+    RunWriter::writeMap(settings_.output_dir, system_.estimator().exactLandmarks());
     if (const auto map = mapToKeep()) maps_.write(map);
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << settings_.output_dir);
   } catch (const std::exception& e) {

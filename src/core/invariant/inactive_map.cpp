@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -14,8 +15,11 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kChunkSteps = 64;
-constexpr Eigen::Index kSmallestShrunk = 300;                          // rows
-constexpr std::size_t kChunksOfStretch = 8;                            // about
+// Steps are composed faster than they come in, and not so fast that it would be felt.
+constexpr double kComposingPace = 1.25;
+constexpr Eigen::Index kSmallestShrunk = 300; // rows
+constexpr std::size_t kChunksOfStretch = 8;   // about
+constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kDeparturesElsewhere = std::uint64_t{1} << 40; // more than any drive has
 
 Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
@@ -26,30 +30,18 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
     matrix.conservativeResize(std::max(rows, matrix.rows()), std::max(cols, matrix.cols()));
 }
 
-double costOf(const DeferredStep& step) {
-  const auto* update = std::get_if<KalmanUpdate>(&step);
-  if (!update) return 0.0;
-  const auto n = static_cast<double>((*update->K).rows()), r = static_cast<double>((*update->K).cols());
-  return 5.0 * n * n * r;
-}
-
-/// How many rows the active state gains.
-Eigen::Index gainOf(const DeferredStep& step) {
-  if (std::holds_alternative<Birth>(step)) return 3;
-  return std::holds_alternative<Removal>(step) ? -3 : 0;
-}
-
 } // namespace
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
   if (auto* update = std::get_if<KalmanUpdate>(&step)) update->K = store_.keep(update->K);
   if (open_.steps.empty()) open_.size = size - gainOf(step);
+  const double cost = costOf(step);
   journal_bytes_ += bytesOf(step);
-  journal_cost_ += costOf(step);
+  journal_cost_ += cost;
   open_.steps.push_back(std::move(step));
-  if (open_.steps.size() < kChunkSteps) return;
-  closeChunk();
-  while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) compose();
+  if (open_.steps.size() == kChunkSteps) closeChunk();
+  if (journal_bytes_ > most_journal_bytes_ / 2) compose(kComposingPace * cost);
+  while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) compose(kAllOfIt);
 }
 
 void InactiveMap::closeChunk() {
@@ -97,6 +89,8 @@ void InactiveMap::forgetSteps() {
   while (!stretches_.empty() && stretches_.front().left() == 0) stretches_.pop_front();
   if (!stretches_.empty()) return;
   const std::uint64_t first = departures_.empty() ? last_serial_ + 1 : departures_.front()->serial;
+  if (journal_.empty() || journal_.front()->last_serial >= first) return;
+  composition_ = Composition(); // what it has begun with matters to nobody
   while (!journal_.empty() && journal_.front()->last_serial < first) forgetChunk();
 }
 
@@ -109,7 +103,7 @@ void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covarianc
   record(Removal{row, last_serial_}, size);
 }
 
-const InactiveMap::Departure* InactiveMap::departureOf(const Removal& removal) const {
+const Departure* InactiveMap::departureOf(const Removal& removal) const {
   if (departures_.empty() || removal.departure < departures_.front()->serial) return nullptr;
   return departures_[removal.departure - departures_.front()->serial].get();
 }
@@ -125,9 +119,9 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
   return *settled_;
 }
 
-/// The first chunks of the journal become a stretch: as many as lets those that leave by the way be about as
-/// many as those that are active, which costs the least.
-void InactiveMap::compose() {
+/// Of the first chunks of the journal: as many as lets those that leave by the way be about as many as those
+/// that are active, which costs the least.
+void InactiveMap::beginComposition() {
   const auto before = departures_.empty() ? last_serial_ : departures_.front()->serial - 1;
   const auto enough = std::find_if(journal_.begin(), journal_.end(), [&](const auto& chunk) {
     return chunk->last_serial >= before + static_cast<std::uint64_t>(chunk->size / 3);
@@ -136,57 +130,35 @@ void InactiveMap::compose() {
   const std::uint64_t last = (*std::prev(end))->last_serial;
   const auto stays = std::find_if(departures_.begin(), departures_.end(),
                                   [last](const auto& departure) { return departure->serial > last; });
-  const Eigen::Index begin = journal_.front()->size,
-                     left = rowsOf(static_cast<std::size_t>(stays - departures_.begin()));
-  Eigen::Index size = begin, largest = begin;
-  for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
-    for (const DeferredStep& step : (*chunk)->steps) largest = std::max(largest, size += gainOf(step));
-  }
+  composition_ = Composition({journal_.begin(), end}, {departures_.begin(), stays});
+}
 
-  auto stretch = std::make_shared<Stretch>();
-  ForwardSweep sweep(begin, left, largest);
-  // Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep
-  // takes along.
-  Eigen::MatrixXd leaving =
-      Eigen::MatrixXd::Zero(begin + left, left + 1); // never empty: it is taken in parts
-  for (auto chunk = journal_.begin(); chunk != end; ++chunk) {
-    for (const DeferredStep& step : (*chunk)->steps) {
-      const auto* removal = std::get_if<Removal>(&step);
-      const Departure* departure = removal ? departureOf(*removal) : nullptr;
-      const auto X = sweep.X();
-      const Eigen::Index column = rowsOf(stretch->landmarks.size());
-      if (departure) { // d = e - [m]x xi_R
-        leaving.block(0, column, X.rows(), 3) =
-            X.middleCols<3>(removal->row) +
-            X.middleCols<3>(kRotation) * so3::hat(departure->inactive.landmark.position);
-        leaving.block<3, 3>(begin + column, column) = departure->inactive.covariance;
-        stretch->landmarks.push_back(departure->inactive.landmark);
-        stretch->serials.push_back(departure->serial);
-      }
-      sweep.forward(step);
-      if (departure) sweep.append(departure->cross.transpose());
-    }
+double InactiveMap::compose(double operations) {
+  if (composition_.isEmpty()) {
+    if (journal_.empty()) return 0.0;
+    beginComposition();
   }
+  const double cost = composition_.advance(operations);
+  if (composition_.isDone()) endComposition();
+  return cost;
+}
 
-  const auto gram = sweep.gram();
-  stretch->F = sweep.X().topRows(begin).transpose();
-  stretch->cross = sweep.X().bottomRows(left).transpose();
-  stretch->information = gram.topLeftCorner(begin, begin);
-  mirrorLower(stretch->information);
-  stretch->learned = sweep.learned().head(begin);
-  stretch->origin = leaving.topLeftCorner(begin, left).transpose() - gram.bottomLeftCorner(left, begin);
-  stretch->covariance = leaving.bottomLeftCorner(left, left).transpose() - gram.bottomRightCorner(left, left);
-  mirrorLower(stretch->covariance);
-  for (std::size_t i = 0; i < stretch->landmarks.size(); ++i)
-    stretch->landmarks[i].position += sweep.learned().segment<3>(begin + rowsOf(i));
-  stretches_.push_back({std::move(stretch)});
-  departures_.erase(departures_.begin(), stays);
-  for (auto chunks = end - journal_.begin(); chunks > 0; --chunks) forgetChunk();
+/// The chunks give way to their stretch, less what was marginalised meanwhile.
+void InactiveMap::endComposition() {
+  const Composition composition = std::move(composition_);
+  composition_ = Composition();
+  auto stretch = std::make_shared<const Stretch>(composition.stretch());
+  const std::uint64_t first = departures_.empty() ? last_serial_ + 1 : departures_.front()->serial;
+  const auto left = std::lower_bound(stretch->serials.begin(), stretch->serials.end(), first);
+  const auto gone = static_cast<std::size_t>(left - stretch->serials.begin());
+  departures_.erase(departures_.begin(), departures_.begin() + (stretch->serials.end() - left));
+  stretches_.push_back({std::move(stretch), gone});
+  for (std::size_t i = 0; i < composition.chunks().size(); ++i) forgetChunk();
 }
 
 void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
   if (!open_.steps.empty()) closeChunk();
-  while (!journal_.empty()) compose();
+  while (!journal_.empty()) compose(kAllOfIt);
   Settled& settled = ownSettled();
   const Eigen::Index old = rowsOf(settled.landmarks.size()), left = rowsOf(ids_.size()) - old;
   reserve(settled.covariance, old + left, old + left);
@@ -363,8 +335,8 @@ double InactiveMap::settlingCost(Eigen::Index size) const {
   const double settled = 3.0 * static_cast<double>(settled_->landmarks.size());
   const double left = 3.0 * static_cast<double>(ids_.size()) - settled;
   const auto stretches = static_cast<double>(stretches_.size() + journal_.size() / kChunksOfStretch);
-  return journal_cost_ + n * settled * settled + 2.0 * n * (n + settled) * (settled + left) +
-         n * left * (n * stretches + left);
+  return journal_cost_ - composition_.cost() + n * settled * settled +
+         2.0 * n * (n + settled) * (settled + left) + n * left * (n * stretches + left);
 }
 
 std::size_t InactiveMap::bytes() const {

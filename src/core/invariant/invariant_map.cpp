@@ -12,6 +12,7 @@ namespace {
 
 // Operations a frame may spend on the average to settle the map: some 10 ms.
 constexpr double kSettlingPerFrame = 2e8;
+constexpr double kMostComposed = 1e9;            // of them in one frame
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
 constexpr std::size_t kTellingObservations =
     3; // before a landmark is compared with what was seen of it before
@@ -122,9 +123,9 @@ bool InvariantEstimator::isLongOutOfView(FeatureId inactive) const {
 /// been seen often enough, and settling the map has been saved up for, they are fused with what was seen of
 /// them before; and what should come into view next is made active, to be recognised at once.
 void InvariantEstimator::revisit(FrameReport& report) {
-  const double cost = state_.inactive().settlingCost(state_.size());
+  const auto cost = [this] { return state_.inactive().settlingCost(state_.size()); };
   settling_allowance_ =
-      std::min(settling_allowance_ + kSettlingPerFrame, std::max(cost, kMostSaved * kSettlingPerFrame));
+      std::min(settling_allowance_ + kSettlingPerFrame, std::max(cost(), kMostSaved * kSettlingPerFrame));
   std::vector<FeatureId> ids;
   for (const Landmark& landmark : state_.landmarks()) {
     if (landmark.observations >= kTellingObservations && ids.size() < kMostTwins &&
@@ -132,8 +133,12 @@ void InvariantEstimator::revisit(FrameReport& report) {
         isLongOutOfView(landmark.id))
       ids.push_back(landmark.id);
   }
-  if (ids.size() < kLeastTwins || settling_allowance_ < cost) return;
-  settling_allowance_ -= cost;
+  if (ids.size() < kLeastTwins) return;
+  // Frame by frame, so that none takes long.
+  settling_allowance_ -= state_.compose(std::min(settling_allowance_, kMostComposed));
+  const double left = cost();
+  if (settling_allowance_ < left) return;
+  settling_allowance_ -= left;
   report.revisited += fuseReturned(std::move(ids), kLeastTwins);
 }
 

@@ -73,6 +73,8 @@ class Twins {
     }
   }
 
+  double compose(double operations) { return state_.compose(operations); }
+
   /// Every mean and, with all landmarks active, every entry of the joint covariance.
   void expectEqual() const {
     expectActiveEqual(state_, dense_);

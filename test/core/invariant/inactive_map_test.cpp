@@ -45,6 +45,41 @@ TEST(InactiveMap, EqualsTheDenseJointFilterWhereTheJournalIsComposedAgainAndAgai
   }
 }
 
+TEST(InactiveMap, EqualsTheDenseJointFilterWhileTheJournalIsBeingComposed) {
+  for (const std::size_t kilobytes : {100, 400}) {
+    Twins twins(12, kilobytes << 10);
+    for (int frame = 1; frame <= 120; ++frame) {
+      twins.step();
+      if (frame % 15 == 0) twins.marginaliseOldest(11);
+      if (frame == 70) twins.activateSome(3);
+      if (frame % 3 == 0) twins.compose(1e5);
+      if (frame % 20 != 0) continue;
+      twins.expectEstimates(InactiveMap::Covariances::kExact);
+      twins.expectEstimates(InactiveMap::Covariances::kLastSettled);
+      twins.expectEqual();
+    }
+  }
+}
+
+TEST(InactiveMap, IsComposedAFewStepsAtATime) {
+  Twins twins(13);
+  for (int frame = 1; frame <= 60; ++frame) twins.step();
+  const double before = twins.state().inactive().settlingCost(twins.state().size());
+  constexpr double kBudget = 1e5, kLargestStep = 5.0 * 48.0 * 48.0 * 30.0;
+  std::size_t calls = 0;
+  double composed = 0.0;
+  while (const double cost = twins.compose(kBudget)) {
+    EXPECT_LE(cost, kBudget + kLargestStep);
+    composed += cost;
+    ++calls;
+  }
+  EXPECT_GT(calls, 50u);
+  EXPECT_GT(composed, 0.3 * before);
+  EXPECT_LT(twins.state().inactive().settlingCost(twins.state().size()), before);
+  twins.expectEstimates(InactiveMap::Covariances::kExact);
+  twins.expectEqual();
+}
+
 TEST(InactiveMap, HasLessToSettleAndToHoldOnceTheJournalIsComposed) {
   Twins composed(11, 1), deferred(11);
   for (int frame = 1; frame <= 60; ++frame) {

@@ -7,27 +7,23 @@
 #include <unordered_map>
 #include <vector>
 
+#include "vi_ekf_slam/core/invariant/composition.hpp"
 #include "vi_ekf_slam/core/invariant/deferred_step.hpp"
 #include "vi_ekf_slam/core/invariant/landmark.hpp"
 
 namespace vi_ekf_slam::invariant {
 
-/// A landmark out of view and the covariance (3x3, m^2, world axes) of its error d = m - m^.
-struct InactiveLandmark {
-  Landmark landmark;
-  Eigen::Matrix3d covariance;
-};
-
 /// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and
 /// at no cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what
 /// the active state's updates do to them is linear in their covariance with it, so it can wait: the steps are
-/// kept in a journal, which copies share, composed into one where they would fill the memory, and settled
-/// when a landmark is wanted back.
+/// kept in a journal, which copies share, composed into one, little by little, where they fill the memory,
+/// and settled when a landmark is wanted back.
 class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
-  /// Steps that together need more memory than this are composed into one.
+  /// Steps are composed into one where together they need more than half of this memory, and at once where
+  /// they need more than all of it.
   explicit InactiveMap(std::size_t most_journal_bytes) : most_journal_bytes_(most_journal_bytes) {}
 
   std::size_t size() const { return ids_.size(); }
@@ -49,6 +45,9 @@ class InactiveMap {
   /// held, out of view for longer than any that leaves from now on: `covariance` of their errors d (3k x 3k,
   /// m^2, world axes) and `cross` (n x 3k) of the active errors with them.
   void adopt(std::vector<Landmark> landmarks, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+
+  /// Composes the oldest steps, of about this cost, so that settle has less to do. Returns the cost.
+  double compose(double operations);
 
   /// Does all that was deferred, for an active state of `size` rows, and makes room for `arrivals` landmarks
   /// to return. The cost is that of size() updates of the joint covariance.
@@ -92,29 +91,6 @@ class InactiveMap {
   std::size_t bytes() const;
 
  private:
-  /// A landmark that left since the journal was last composed.
-  struct Departure {
-    InactiveLandmark inactive;
-    Columns3 cross;
-    std::uint64_t serial;
-  };
-  struct Chunk {
-    Eigen::Index size = 0; ///< of the active errors at its beginning
-    std::vector<DeferredStep> steps;
-    std::uint64_t last_serial = 0; ///< of the departures until its end
-  };
-  /// What the steps of some chunks come to, for the landmarks that left before them and for those that left
-  /// by the way, the first one first.
-  struct Stretch {
-    Eigen::MatrixXd F; ///< the active errors x at its end are F times those at its beginning, and noise
-    Eigen::MatrixXd information;     ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
-    Eigen::VectorXd learned;         ///< mean(d) += c^T learned
-    std::vector<Landmark> landmarks; ///< that left, as they are at its end
-    std::vector<std::uint64_t> serials;
-    Eigen::MatrixXd covariance; ///< of their d at its end
-    Eigen::MatrixXd cross;      ///< of x at its end with their d
-    Eigen::MatrixXd origin;     ///< covariance of their d with earlier ones, in terms of x at its beginning
-  };
   struct Composed {
     std::shared_ptr<const Stretch> stretch;
     std::size_t gone = 0; ///< of its landmarks, marginalised since
@@ -134,7 +110,8 @@ class InactiveMap {
   void closeChunk();
   void forgetSteps();
   void forgetChunk();
-  void compose();
+  void beginComposition();
+  void endComposition();
   void eraseSettled(std::size_t index);
 
   std::shared_ptr<Settled> settled_ =
@@ -143,7 +120,8 @@ class InactiveMap {
   std::deque<std::shared_ptr<const Chunk>> journal_;        // after them
   std::deque<std::shared_ptr<const Departure>> departures_; // in the journal; serials are consecutive
   Chunk open_;
-  MatrixStore store_;                                // of the journal's larger matrices
+  Composition composition_; // of the first chunks of the journal, where one is under way
+  MatrixStore store_;       // of the journal's larger matrices
   std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
   std::size_t most_journal_bytes_;

@@ -14,4 +14,10 @@ struct Landmark {
   bool anchored = false; ///< known from an earlier time, not in view yet: tracks that slide do not move it
 };
 
+/// A landmark out of view and the covariance (3x3, m^2, world axes) of its error d = m - m^.
+struct InactiveLandmark {
+  Landmark landmark;
+  Eigen::Matrix3d covariance;
+};
+
 } // namespace vi_ekf_slam::invariant

@@ -121,6 +121,8 @@ class State {
   /// Whether landmarks out of view can be kept; if so, they are in inactive().
   bool keepsInactive() const { return inactive_.has_value(); }
   const InactiveMap& inactive() const { return *inactive_; }
+  /// As InactiveMap has it: changes no estimate, spreads the work over time.
+  double compose(double operations) { return inactive_->compose(operations); }
 
   /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id.
   void deactivateLandmark(std::size_t index);

@@ -1,0 +1,91 @@
+#include "vi_ekf_slam/core/invariant/composition.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "vi_ekf_slam/core/invariant/state.hpp"
+#include "vi_ekf_slam/core/invariant/symmetric.hpp"
+#include "vi_ekf_slam/core/so3.hpp"
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
+
+} // namespace
+
+double costOf(const DeferredStep& step) {
+  const auto* update = std::get_if<KalmanUpdate>(&step);
+  if (!update) return 0.0;
+  const auto n = static_cast<double>((*update->K).rows()), r = static_cast<double>((*update->K).cols());
+  return 5.0 * n * n * r;
+}
+
+Eigen::Index gainOf(const DeferredStep& step) {
+  if (std::holds_alternative<Birth>(step)) return 3;
+  return std::holds_alternative<Removal>(step) ? -3 : 0;
+}
+
+Composition::Composition(Chunks chunks, Departures departures)
+    : chunks_(std::move(chunks)), departures_(std::move(departures)) {
+  const Eigen::Index begin = chunks_.front()->size, left = rowsOf(departures_.size());
+  Eigen::Index size = begin, largest = begin;
+  for (const auto& chunk : chunks_) {
+    for (const DeferredStep& step : chunk->steps) largest = std::max(largest, size += gainOf(step));
+  }
+  sweep_ = std::make_unique<ForwardSweep>(begin, left, largest);
+  leaving_ = Eigen::MatrixXd::Zero(begin + left, left + 1); // never empty: it is taken in parts
+}
+
+double Composition::advance(double operations) {
+  const double before = cost_;
+  while (!isDone() && cost_ - before < operations) {
+    const std::vector<DeferredStep>& steps = chunks_[chunk_]->steps;
+    if (step_ < steps.size()) {
+      cost_ += costOf(steps[step_]);
+      forward(steps[step_++]);
+    } else {
+      ++chunk_;
+      step_ = 0;
+    }
+  }
+  return cost_ - before;
+}
+
+void Composition::forward(const DeferredStep& step) {
+  const auto* removal = std::get_if<Removal>(&step);
+  const bool departs =
+      removal && departed_ < departures_.size() && removal->departure == departures_[departed_]->serial;
+  if (!departs) return sweep_->forward(step);
+  const Departure& departure = *departures_[departed_];
+  const Eigen::Index begin = chunks_.front()->size, column = rowsOf(departed_++);
+  const auto X = sweep_->X(); // d = e - [m]x xi_R
+  leaving_.block(0, column, X.rows(), 3) =
+      X.middleCols<3>(removal->row) +
+      X.middleCols<3>(kRotation) * so3::hat(departure.inactive.landmark.position);
+  leaving_.block<3, 3>(begin + column, column) = departure.inactive.covariance;
+  sweep_->forward(step);
+  sweep_->append(departure.cross.transpose());
+}
+
+Stretch Composition::stretch() const {
+  const Eigen::Index begin = chunks_.front()->size, left = rowsOf(departures_.size());
+  const auto gram = sweep_->gram();
+  Stretch stretch;
+  stretch.F = sweep_->X().topRows(begin).transpose();
+  stretch.cross = sweep_->X().bottomRows(left).transpose();
+  stretch.information = gram.topLeftCorner(begin, begin);
+  mirrorLower(stretch.information);
+  stretch.learned = sweep_->learned().head(begin);
+  stretch.origin = leaving_.topLeftCorner(begin, left).transpose() - gram.bottomLeftCorner(left, begin);
+  stretch.covariance = leaving_.bottomLeftCorner(left, left).transpose() - gram.bottomRightCorner(left, left);
+  mirrorLower(stretch.covariance);
+  for (std::size_t i = 0; i < departures_.size(); ++i) {
+    stretch.landmarks.push_back(departures_[i]->inactive.landmark);
+    stretch.landmarks.back().position += sweep_->learned().segment<3>(begin + rowsOf(i));
+    stretch.serials.push_back(departures_[i]->serial);
+  }
+  return stretch;
+}
+
+} // namespace vi_ekf_slam::invariant
