@@ -102,4 +102,7 @@ double relativeDistance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B
   return distance(a, b) / static_cast<double>(b.cwiseAbs().maxCoeff());
 }
 
+/// Covariance of three independent errors of standard deviation `sigma`.
+inline Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
+
 } // namespace vi_ekf_slam::test

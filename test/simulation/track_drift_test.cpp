@@ -42,14 +42,14 @@ SE3 slideOf(const DriveOptions& options, double factor = 1.0) {
 
 /// Second moments of (position, rotation) of the slides of 500 seeds.
 Matrix6d momentsOf(double position, double rotation) {
-  constexpr int kSeeds = 500;
+  constexpr int kSlides = 500;
   Matrix6d moments = Matrix6d::Zero();
-  for (int seed = 1; seed <= kSeeds; ++seed) {
+  for (int seed = 1; seed <= kSlides; ++seed) {
     const SE3 slide = slideOf(driftOptions(position, rotation, static_cast<std::uint64_t>(seed)));
     Vector6d moved; // of a point where the car is now
     const Eigen::Vector3d here = poseAt(kFrames).translation();
     moved << slide * here - here, so3::Log(slide.rotation());
-    moments += moved * moved.transpose() / kSeeds;
+    moments += moved * moved.transpose() / kSlides;
   }
   return moments;
 }

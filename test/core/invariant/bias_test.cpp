@@ -8,8 +8,6 @@ namespace {
 
 using namespace test;
 
-Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
-
 TEST(Bias, OfABetterSensorIsSmallerAsTheSquareOfItsNoise) {
   InvariantConfig config;
   config.prior_twist_sigma.setConstant(10.0);

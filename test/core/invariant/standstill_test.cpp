@@ -26,8 +26,6 @@ struct Scene {
 
 Stamp at(double seconds) { return fromSeconds(100.0 + seconds); }
 
-Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
-
 /// Features whose columns are `shift` px from where they began.
 StereoFrame frameAt(double seconds, std::size_t tracks, double shift) {
   StereoFrame frame;
