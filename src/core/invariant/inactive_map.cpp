@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kChunkSteps = 64;
 // Steps are composed faster than they come in, and not so fast that it would be felt.
-constexpr double kComposingPace = 1.25;
+constexpr double kComposingPace = 1.5;
 constexpr Eigen::Index kSmallestShrunk = 300; // rows
 constexpr std::size_t kChunksOfStretch = 8;   // about
 constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
@@ -41,7 +41,7 @@ void InactiveMap::record(DeferredStep step, Eigen::Index size) {
   open_.steps.push_back(std::move(step));
   if (open_.steps.size() == kChunkSteps) closeChunk();
   if (journal_bytes_ > most_journal_bytes_ / 2) compose(kComposingPace * cost);
-  while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) compose(kAllOfIt);
+  while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) composeOnce(kAllOfIt);
 }
 
 void InactiveMap::closeChunk() {
@@ -134,10 +134,14 @@ void InactiveMap::beginComposition() {
 }
 
 double InactiveMap::compose(double operations) {
-  if (composition_.isEmpty()) {
-    if (journal_.empty()) return 0.0;
-    beginComposition();
-  }
+  double cost = 0.0;
+  while (cost < operations && !journal_.empty()) cost += composeOnce(operations - cost);
+  return cost;
+}
+
+/// The journal is not empty.
+double InactiveMap::composeOnce(double operations) {
+  if (composition_.isEmpty()) beginComposition();
   const double cost = composition_.advance(operations);
   if (composition_.isDone()) endComposition();
   return cost;
@@ -158,7 +162,7 @@ void InactiveMap::endComposition() {
 
 void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
   if (!open_.steps.empty()) closeChunk();
-  while (!journal_.empty()) compose(kAllOfIt);
+  compose(kAllOfIt);
   Settled& settled = ownSettled();
   const Eigen::Index old = rowsOf(settled.landmarks.size()), left = rowsOf(ids_.size()) - old;
   reserve(settled.covariance, old + left, old + left);

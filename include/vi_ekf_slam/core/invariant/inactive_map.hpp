@@ -110,6 +110,7 @@ class InactiveMap {
   void closeChunk();
   void forgetSteps();
   void forgetChunk();
+  double composeOnce(double operations);
   void beginComposition();
   void endComposition();
   void eraseSettled(std::size_t index);
