@@ -37,7 +37,8 @@ class Scene {
   explicit Scene(std::size_t active)
       : active_(active),
         model_(rig(), config_.pixel_sigma, config_.min_depth_m),
-        state_({Vector6d::Constant(1e-6), config_.prior_twist_sigma, config_.prior_bias_sigma}, true) {
+        state_({Vector6d::Constant(1e-6), config_.prior_twist_sigma, config_.prior_bias_sigma}, true,
+               config_.map.deferred_mb << 20) {
     while (state_.landmarks().size() < active_) add(see(next_id_));
     for (int k = 0; k < 5; ++k) step(0);
   }

@@ -17,6 +17,8 @@ namespace {
 constexpr std::size_t kChunkSteps = 64;
 // Steps are composed faster than they come in, and not so fast that it would be felt.
 constexpr double kComposingPace = 1.5;
+constexpr double kLeastComposed = 3e8;        // operations: caches are cold at the beginning of each go
+constexpr double kShareThatLeaves = 0.5;      // of the active landmarks, for a stretch
 constexpr Eigen::Index kSmallestShrunk = 300; // rows
 constexpr std::size_t kChunksOfStretch = 8;   // about
 constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
@@ -40,7 +42,13 @@ void InactiveMap::record(DeferredStep step, Eigen::Index size) {
   journal_cost_ += cost;
   open_.steps.push_back(std::move(step));
   if (open_.steps.size() == kChunkSteps) closeChunk();
-  if (journal_bytes_ > most_journal_bytes_ / 2) compose(kComposingPace * cost);
+  composing_due_ += kComposingPace * cost;
+  if (composing_due_ > kLeastComposed) {
+    if (!composition_.isEmpty() || endOfStretch() != journal_.end() ||
+        journal_bytes_ > most_journal_bytes_ / 2)
+      compose(composing_due_);
+    composing_due_ = 0.0;
+  }
   while (journal_bytes_ > most_journal_bytes_ && !journal_.empty()) composeOnce(kAllOfIt);
 }
 
@@ -119,18 +127,24 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
   return *settled_;
 }
 
-/// Of the first chunks of the journal: as many as lets those that leave by the way be about as many as those
-/// that are active, which costs the least.
-void InactiveMap::beginComposition() {
+/// The last chunk of the first ones of the journal by which enough have left to make a stretch: half as many
+/// as are active. With fewer there would be many stretches, with more a stretch would have much to take
+/// along.
+std::deque<std::shared_ptr<const Chunk>>::const_iterator InactiveMap::endOfStretch() const {
   const auto before = departures_.empty() ? last_serial_ : departures_.front()->serial - 1;
-  const auto enough = std::find_if(journal_.begin(), journal_.end(), [&](const auto& chunk) {
-    return chunk->last_serial >= before + static_cast<std::uint64_t>(chunk->size / 3);
+  return std::find_if(journal_.begin(), journal_.end(), [&](const auto& chunk) {
+    return chunk->last_serial >=
+           before + static_cast<std::uint64_t>(kShareThatLeaves * static_cast<double>(chunk->size) / 3.0);
   });
+}
+
+void InactiveMap::beginComposition() {
+  const auto enough = endOfStretch();
   const auto end = enough == journal_.end() ? enough : std::next(enough);
   const std::uint64_t last = (*std::prev(end))->last_serial;
   const auto stays = std::find_if(departures_.begin(), departures_.end(),
                                   [last](const auto& departure) { return departure->serial > last; });
-  composition_ = Composition({journal_.begin(), end}, {departures_.begin(), stays});
+  composition_ = Composition({journal_.cbegin(), end}, {departures_.begin(), stays});
 }
 
 double InactiveMap::compose(double operations) {

@@ -20,7 +20,7 @@ struct MapConfig {
   /// Out of view in the joint covariance; beyond it those longest out of view are marginalised, and their
   /// last estimates stay in the map.
   std::size_t max_landmarks = 2000;
-  std::size_t deferred_mb = 64; ///< MiB that deferred steps may take; from half of it on they are composed
+  std::size_t deferred_mb = 256; ///< MiB that deferred steps may take until they are composed
   /// Whether places are recognised by the constellation of their landmarks, where ids do not return.
   bool recognise_places = false;
 };

@@ -14,16 +14,16 @@
 namespace vi_ekf_slam::invariant {
 
 /// The landmarks out of view, in the joint covariance with the active state and with each other, exactly and
-/// at no cost per frame. Their errors d along the world axes do not change while the vehicle moves, and what
-/// the active state's updates do to them is linear in their covariance with it, so it can wait: the steps are
-/// kept in a journal, which copies share, composed into one, little by little, where they fill the memory,
-/// and settled when a landmark is wanted back.
+/// at a cost per frame that does not depend on how many they are. Their errors d along the world axes do not
+/// change while the vehicle moves, and what the active state's updates do to them is linear in their
+/// covariance with it, so it can wait: the steps are kept in a journal, which copies share, composed into
+/// one, little by little, where they fill the memory, and settled when a landmark is wanted back.
 class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
-  /// Steps are composed into one where together they need more than half of this memory, and at once where
-  /// they need more than all of it.
+  /// Steps are composed once enough landmarks have left, or half of this memory is full; all at once where
+  /// it is full.
   explicit InactiveMap(std::size_t most_journal_bytes) : most_journal_bytes_(most_journal_bytes) {}
 
   std::size_t size() const { return ids_.size(); }
@@ -110,6 +110,7 @@ class InactiveMap {
   void closeChunk();
   void forgetSteps();
   void forgetChunk();
+  std::deque<std::shared_ptr<const Chunk>>::const_iterator endOfStretch() const;
   double composeOnce(double operations);
   void beginComposition();
   void endComposition();
@@ -127,7 +128,8 @@ class InactiveMap {
   std::uint64_t last_serial_ = 0;
   std::size_t most_journal_bytes_;
   std::size_t journal_bytes_ = 0;
-  double journal_cost_ = 0.0; // of composing it, operations
+  double journal_cost_ = 0.0;  // of composing it, operations
+  double composing_due_ = 0.0; // operations
 };
 
 } // namespace vi_ekf_slam::invariant
