@@ -17,7 +17,7 @@ namespace {
 constexpr std::size_t kChunkSteps = 64;
 // Steps are composed faster than they come in, and not so fast that it would be felt.
 constexpr double kComposingPace = 1.5;
-constexpr double kLeastComposed = 3e8;        // operations: caches are cold at the beginning of each go
+constexpr double kLeastComposed = 1e9;        // operations: caches are cold at the beginning of each go
 constexpr double kShareThatLeaves = 0.5;      // of the active landmarks, for a stretch
 constexpr Eigen::Index kSmallestShrunk = 300; // rows
 constexpr std::size_t kChunksOfStretch = 8;   // about

@@ -5,14 +5,17 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <mutex>
 #include <new>
 #include <utility>
+#include <vector>
 
 namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kPiece = std::size_t{4} << 20; // bytes
 constexpr std::size_t kAlignment = 8;                // values: whole cache lines
+constexpr std::size_t kMostFree = 16;                // pieces
 
 } // namespace
 
@@ -33,6 +36,8 @@ class MatrixStore::Piece {
   Piece(const Piece&) = delete;
   Piece& operator=(const Piece&) = delete;
 
+  /// All of it is free again. Nobody else has it.
+  void clear() { taken_ = 0; }
   /// Room for `values`; nothing when there is not enough.
   double* take(std::size_t values) {
     const std::size_t begin = taken_.fetch_add(values);
@@ -45,9 +50,41 @@ class MatrixStore::Piece {
   std::atomic<std::size_t> taken_{0};
 };
 
+/// Pieces that nobody needs any more, for those who need one: new pages cost more than what is written on
+/// them.
+class MatrixStore::Pool {
+ public:
+  Pool() { free_.reserve(kMostFree); }
+
+  std::unique_ptr<Piece> take() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (free_.empty()) return std::make_unique<Piece>(kPiece);
+    std::unique_ptr<Piece> piece = std::move(free_.back());
+    free_.pop_back();
+    piece->clear();
+    return piece;
+  }
+
+  void giveBack(std::unique_ptr<Piece> piece) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (free_.size() < kMostFree) free_.push_back(std::move(piece));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Piece>> free_;
+};
+
+MatrixStore::MatrixStore() : pool_(std::make_shared<Pool>()) {}
+
 KeptMatrix::KeptMatrix(Eigen::MatrixXd matrix) : rows_(matrix.rows()), cols_(matrix.cols()) {
   const auto own = std::make_shared<const Eigen::MatrixXd>(std::move(matrix));
   data_ = std::shared_ptr<const double>(own, own->data());
+}
+
+std::shared_ptr<MatrixStore::Piece> MatrixStore::pooledPiece() const {
+  return {pool_->take().release(),
+          [pool = pool_](Piece* piece) { pool->giveBack(std::unique_ptr<Piece>(piece)); }};
 }
 
 KeptMatrix MatrixStore::keep(const KeptMatrix& matrix) {
@@ -55,7 +92,8 @@ KeptMatrix MatrixStore::keep(const KeptMatrix& matrix) {
   const std::size_t values = (size + kAlignment - 1) / kAlignment * kAlignment;
   double* data = piece_ ? piece_->take(values) : nullptr;
   if (!data) {
-    piece_ = std::make_shared<Piece>(std::max(kPiece, values * sizeof(double)));
+    const std::size_t bytes = values * sizeof(double);
+    piece_ = bytes > kPiece ? std::make_shared<Piece>(bytes) : pooledPiece();
     data = piece_->take(values);
   }
   std::copy_n((*matrix).data(), size, data);

@@ -25,12 +25,17 @@ class KeptMatrix {
 /// pieces, which the system gets back whole. Copies fill the same piece, from any thread.
 class MatrixStore {
  public:
+  MatrixStore();
+
   /// The matrix, from now on in here. Throws std::bad_alloc.
   KeptMatrix keep(const KeptMatrix& matrix);
 
  private:
   class Piece;
+  class Pool;
+  std::shared_ptr<Piece> pooledPiece() const;
 
+  std::shared_ptr<Pool> pool_; // copies share it
   std::shared_ptr<Piece> piece_;
 };
 
