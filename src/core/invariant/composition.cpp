@@ -8,12 +8,6 @@
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
-namespace {
-
-Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
-
-} // namespace
-
 double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;

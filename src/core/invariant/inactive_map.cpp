@@ -24,8 +24,6 @@ constexpr std::size_t kChunksOfStretch = 8;   // about
 constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kDeparturesElsewhere = std::uint64_t{1} << 40; // more than any drive has
 
-Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
-
 /// Makes room for `rows` x `cols`; what is in use stays.
 void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
   if (matrix.rows() < rows || matrix.cols() < cols)

@@ -10,10 +10,6 @@ namespace {
 
 Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3]), z[2]}; }
 
-Eigen::Index rowsOf(const std::vector<Observation>& observations) {
-  return 3 * static_cast<Eigen::Index>(observations.size());
-}
-
 } // namespace
 
 std::optional<Observation> StereoModel::observe(const State& state, std::size_t landmark,
@@ -34,7 +30,7 @@ std::optional<Observation> StereoModel::observe(const State& state, std::size_t 
 Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
                                              const std::vector<Observation>& observations) const {
   const auto P = state.covariance();
-  Eigen::MatrixXd PHt(state.size(), rowsOf(observations));
+  Eigen::MatrixXd PHt(state.size(), rowsOf(observations.size()));
   Eigen::Index column = 0;
   for (const Observation& o : observations) {
     turnedFrom(P.middleCols<3>(kPosition), P.middleCols<3>(State::offsetOf(o.landmark)),
@@ -80,7 +76,7 @@ double normalisedInnovationSquared(const Observation& observation, const Eigen::
 }
 
 Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {
-  Eigen::VectorXd innovations(rowsOf(observations));
+  Eigen::VectorXd innovations(rowsOf(observations.size()));
   for (std::size_t i = 0; i < observations.size(); ++i) {
     innovations.segment<3>(3 * static_cast<Eigen::Index>(i)) = observations[i].innovation;
   }
@@ -88,7 +84,7 @@ Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {
 }
 
 SparseRows measurementMatrix(const std::vector<Observation>& observations) {
-  SparseRows H(rowsOf(observations));
+  SparseRows H(rowsOf(observations.size()));
   Eigen::Index row = 0;
   for (const Observation& o : observations) {
     H.add(row, State::offsetOf(o.landmark), o.jacobian);

@@ -17,7 +17,7 @@ namespace vi_ekf_slam::invariant {
 /// at a cost per frame that does not depend on how many they are. Their errors d along the world axes do not
 /// change while the vehicle moves, and what the active state's updates do to them is linear in their
 /// covariance with it, so it can wait: the steps are kept in a journal, which copies share, composed into
-/// one, little by little, where they fill the memory, and settled when a landmark is wanted back.
+/// stretches, little by little, as landmarks leave, and settled when a landmark is wanted back.
 class InactiveMap {
  public:
   using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;

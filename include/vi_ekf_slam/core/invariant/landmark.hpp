@@ -20,4 +20,7 @@ struct InactiveLandmark {
   Eigen::Matrix3d covariance;
 };
 
+/// Of so many landmarks' errors, or of so many points' measurements.
+inline Eigen::Index rowsOf(std::size_t landmarks) { return 3 * static_cast<Eigen::Index>(landmarks); }
+
 } // namespace vi_ekf_slam::invariant

@@ -7,7 +7,8 @@
 
 namespace vi_ekf_slam::invariant {
 
-/// A measurement matrix H of 3x3 blocks: a measurement touches few of the state's errors.
+/// A measurement matrix H of 3x3 blocks: a measurement touches few of the state's errors. The columns of two
+/// blocks are either the same or disjoint.
 class SparseRows {
  public:
   explicit SparseRows(Eigen::Index rows) : rows_(rows) {}

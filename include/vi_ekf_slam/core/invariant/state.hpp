@@ -91,7 +91,7 @@ class State {
   std::unordered_map<FeatureId, std::size_t> indexById() const;
   Eigen::Index size() const { return offsetOf(landmarks_.size()); }
   static Eigen::Index offsetOf(std::size_t landmark) {
-    return kLandmarks + 3 * static_cast<Eigen::Index>(landmark);
+    return kLandmarks + rowsOf(landmark);
   }
   /// size() x size(), symmetric.
   auto covariance() const { return covariance_.topLeftCorner(size(), size()); }
