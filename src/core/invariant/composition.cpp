@@ -8,6 +8,7 @@
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
+
 double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;
@@ -62,24 +63,31 @@ void Composition::forward(const DeferredStep& step) {
   sweep_->append(departure.cross.transpose());
 }
 
-Stretch Composition::stretch() const {
+Stretch Composition::stretch(MatrixStore& store) const {
   const Eigen::Index begin = chunks_.front()->size, left = rowsOf(departures_.size());
+  const auto X = sweep_->X();
   const auto gram = sweep_->gram();
-  Stretch stretch;
-  stretch.F = sweep_->X().topRows(begin).transpose();
-  stretch.cross = sweep_->X().bottomRows(left).transpose();
-  stretch.information = gram.topLeftCorner(begin, begin);
-  mirrorLower(stretch.information);
-  stretch.learned = sweep_->learned().head(begin);
-  stretch.origin = leaving_.topLeftCorner(begin, left).transpose() - gram.bottomLeftCorner(left, begin);
-  stretch.covariance = leaving_.bottomLeftCorner(left, left).transpose() - gram.bottomRightCorner(left, left);
-  mirrorLower(stretch.covariance);
+  const auto keep = [&store](Eigen::MatrixXd matrix) { return store.keep(std::move(matrix)); };
+  const auto keepSymmetric = [&store](Eigen::MatrixXd lower) {
+    mirrorLower(lower);
+    return store.keep(std::move(lower));
+  };
+  std::vector<Landmark> landmarks;
+  std::vector<std::uint64_t> serials;
   for (std::size_t i = 0; i < departures_.size(); ++i) {
-    stretch.landmarks.push_back(departures_[i]->inactive.landmark);
-    stretch.landmarks.back().position += sweep_->learned().segment<3>(begin + rowsOf(i));
-    stretch.serials.push_back(departures_[i]->serial);
+    landmarks.push_back(departures_[i]->inactive.landmark);
+    landmarks.back().position += sweep_->learned().segment<3>(begin + rowsOf(i));
+    serials.push_back(departures_[i]->serial);
   }
-  return stretch;
+  return {
+      keep(X.topRows(begin).transpose()),
+      keepSymmetric(gram.topLeftCorner(begin, begin)),
+      sweep_->learned().head(begin),
+      std::move(landmarks),
+      std::move(serials),
+      keepSymmetric(leaving_.bottomLeftCorner(left, left).transpose() - gram.bottomRightCorner(left, left)),
+      keep(X.bottomRows(left).transpose()),
+      keep(leaving_.topLeftCorner(begin, left).transpose() - gram.bottomLeftCorner(left, begin))};
 }
 
 } // namespace vi_ekf_slam::invariant

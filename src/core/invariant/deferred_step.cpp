@@ -58,7 +58,7 @@ void CorrectionSweep::back(const DeferredStep& step) {
 
 // x' = F x: correction <- F^T correction.
 
-void CorrectionSweep::back(const Eigen::MatrixXd& F, const Eigen::VectorXd& learned) {
+void CorrectionSweep::back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Eigen::VectorXd& learned) {
   correction_ = learned + F.transpose() * correction_;
 }
 
@@ -100,7 +100,8 @@ void InformationSweep::back(const DeferredStep& step) {
 
 // x' = F x: information <- F^T information F, as its columns and then its rows.
 
-void InformationSweep::back(const Eigen::MatrixXd& F, const Eigen::MatrixXd& information) {
+void InformationSweep::back(const Eigen::Ref<const Eigen::MatrixXd>& F,
+                            const Eigen::Ref<const Eigen::MatrixXd>& information) {
   const Eigen::MatrixXd before = F.transpose() * active() * F + information;
   size_ = before.rows();
   information_ = before;

@@ -163,7 +163,7 @@ double InactiveMap::composeOnce(double operations) {
 void InactiveMap::endComposition() {
   const Composition composition = std::move(composition_);
   composition_ = Composition();
-  auto stretch = std::make_shared<const Stretch>(composition.stretch());
+  auto stretch = std::make_shared<const Stretch>(composition.stretch(composed_));
   const std::uint64_t first = departures_.empty() ? last_serial_ + 1 : departures_.front()->serial;
   const auto left = std::lower_bound(stretch->serials.begin(), stretch->serials.end(), first);
   const auto gone = static_cast<std::size_t>(left - stretch->serials.begin());
@@ -193,27 +193,28 @@ void InactiveMap::settle(Eigen::Index size, std::size_t arrivals) {
     const Stretch& stretch = *stretches_.back().stretch;
     const std::size_t gone = stretches_.back().gone;
     const Eigen::Index own = rowsOf(stretches_.back().left()), here = first - own;
-    const auto cross = stretch.cross.rightCols(own);
+    const auto stretch_F = *stretch.F;
+    const auto cross = (*stretch.cross).rightCols(own);
     const Eigen::MatrixXd learned = cross.transpose() * information;
     settled.cross.block(0, here, size, own).noalias() = F * cross;
     P.block(first, here, later.rows(), own).noalias() = later * cross;
-    P.block(here, here, own, own) = stretch.covariance.bottomRightCorner(own, own);
+    P.block(here, here, own, own) = (*stretch.covariance).bottomRightCorner(own, own);
     P.block(here, here, own, own).noalias() -= learned * cross;
     for (std::size_t i = gone; i < stretch.landmarks.size(); ++i) {
       const std::size_t to = static_cast<std::size_t>(here / 3) + i - gone;
       settled.landmarks[to] = stretch.landmarks[i];
-      settled.landmarks[to].position += stretch.cross.middleCols<3>(rowsOf(i)).transpose() * correction;
+      settled.landmarks[to].position += (*stretch.cross).middleCols<3>(rowsOf(i)).transpose() * correction;
       settled.serials[to] = stretch.serials[i];
     }
-    Eigen::MatrixXd all(own + later.rows(), stretch.F.cols());
-    all.topRows(own) = stretch.origin.bottomRows(own);
-    all.topRows(own).noalias() -= learned * stretch.F;
-    all.bottomRows(later.rows()).noalias() = later * stretch.F;
+    Eigen::MatrixXd all(own + later.rows(), stretch_F.cols());
+    all.topRows(own) = (*stretch.origin).bottomRows(own);
+    all.topRows(own).noalias() -= learned * stretch_F;
+    all.bottomRows(later.rows()).noalias() = later * stretch_F;
     later.swap(all);
     first = here;
-    F = (F * stretch.F).eval();
-    information = (stretch.F.transpose() * information * stretch.F).eval() + stretch.information;
-    correction = stretch.learned + stretch.F.transpose() * correction;
+    F = (F * stretch_F).eval();
+    information = (stretch_F.transpose() * information * stretch_F).eval() + *stretch.information;
+    correction = stretch.learned + stretch_F.transpose() * correction;
   }
 
   if (old > 0) {
@@ -328,17 +329,17 @@ std::vector<InactiveLandmark> InactiveMap::estimates(Eigen::Index size, Covarian
   goBack(open_);
   for (auto chunk = journal_.rbegin(); chunk != journal_.rend(); ++chunk) goBack(**chunk);
 
-  const auto estimateOf = [&](const Landmark& landmark, const Eigen::MatrixXd& covariance, const auto& cross,
+  const auto estimateOf = [&](const Landmark& landmark, const auto& covariance, const auto& cross,
                               std::size_t i) {
     const Eigen::Index row = rowsOf(i);
-    return estimate(landmark, covariance.block<3, 3>(row, row), cross.template middleCols<3>(row));
+    return estimate(landmark, covariance.template block<3, 3>(row, row), cross.template middleCols<3>(row));
   };
   for (auto composed = stretches_.rbegin(); composed != stretches_.rend(); ++composed) {
     const Stretch& stretch = *composed->stretch;
     for (std::size_t i = stretch.landmarks.size(); i-- > composed->gone;)
-      result[--next] = estimateOf(stretch.landmarks[i], stretch.covariance, stretch.cross, i);
-    means.back(stretch.F, stretch.learned);
-    if (exact) spreads.back(stretch.F, stretch.information);
+      result[--next] = estimateOf(stretch.landmarks[i], *stretch.covariance, *stretch.cross, i);
+    means.back(*stretch.F, stretch.learned);
+    if (exact) spreads.back(*stretch.F, *stretch.information);
   }
   for (std::size_t i = settled_->landmarks.size(); i-- > 0;)
     result[i] =
@@ -356,13 +357,12 @@ double InactiveMap::settlingCost(Eigen::Index size) const {
 }
 
 std::size_t InactiveMap::bytes() const {
-  const auto matrix = [](const Eigen::MatrixXd& m) {
-    return static_cast<std::size_t>(m.size()) * sizeof(double);
-  };
+  const auto matrix = [](const auto& m) { return static_cast<std::size_t>(m.size()) * sizeof(double); };
   std::size_t total = journal_bytes_ + matrix(settled_->covariance) + matrix(settled_->cross);
   for (const Composed& composed : stretches_) {
     const Stretch& s = *composed.stretch;
-    total += matrix(s.F) + matrix(s.information) + matrix(s.covariance) + matrix(s.cross) + matrix(s.origin);
+    total +=
+        matrix(*s.F) + matrix(*s.information) + matrix(*s.covariance) + matrix(*s.cross) + matrix(*s.origin);
   }
   for (const auto& departure : departures_)
     total += sizeof(Departure) + static_cast<std::size_t>(departure->cross.size()) * sizeof(double);

@@ -28,14 +28,14 @@ struct Chunk {
 /// What the steps of some chunks come to, for the landmarks that left before them and for those that left
 /// by the way, the first one first.
 struct Stretch {
-  Eigen::MatrixXd F; ///< the active errors x at its end are F times those at its beginning, and noise
-  Eigen::MatrixXd information;     ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
-  Eigen::VectorXd learned;         ///< mean(d) += c^T learned
+  KeptMatrix F;            ///< the active errors x at its end are F times those at its beginning, and noise
+  KeptMatrix information;  ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
+  Eigen::VectorXd learned; ///< mean(d) += c^T learned
   std::vector<Landmark> landmarks; ///< that left, as they are at its end
   std::vector<std::uint64_t> serials;
-  Eigen::MatrixXd covariance; ///< of their d at its end
-  Eigen::MatrixXd cross;      ///< of x at its end with their d
-  Eigen::MatrixXd origin;     ///< covariance of their d with earlier ones, in terms of x at its beginning
+  KeptMatrix covariance; ///< of their d at its end
+  KeptMatrix cross;      ///< of x at its end with their d
+  KeptMatrix origin;     ///< covariance of their d with earlier ones, in terms of x at its beginning
 };
 
 /// About what it takes to compose the step, in floating-point operations.
@@ -68,8 +68,8 @@ class Composition {
 
   /// Goes on for steps that cost `operations` together, and the one that goes beyond; returns their cost.
   double advance(double operations);
-  /// Once done.
-  Stretch stretch() const;
+  /// Once done; its matrices are in `store`.
+  Stretch stretch(MatrixStore& store) const;
 
  private:
   void forward(const DeferredStep& step);

@@ -66,7 +66,7 @@ class CorrectionSweep {
   void back(const DeferredStep& step);
   /// To the beginning of a stretch that takes x to F x (and noise), and has taught `learned` (see
   /// ForwardSweep).
-  void back(const Eigen::MatrixXd& F, const Eigen::VectorXd& learned);
+  void back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Eigen::VectorXd& learned);
 
   const Eigen::VectorXd& correction() const { return correction_; }
 
@@ -92,7 +92,7 @@ class InformationSweep {
   /// To the time before `step`.
   void back(const DeferredStep& step);
   /// To the beginning of a stretch that takes x to F x (and noise), and has taught `information` of its own.
-  void back(const Eigen::MatrixXd& F, const Eigen::MatrixXd& information);
+  void back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Eigen::Ref<const Eigen::MatrixXd>& information);
 
   /// Symmetric, of x at the time reached.
   auto information() const { return information_.topLeftCorner(size_, size_); }

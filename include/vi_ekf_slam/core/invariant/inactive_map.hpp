@@ -122,8 +122,9 @@ class InactiveMap {
   std::deque<std::shared_ptr<const Chunk>> journal_;        // after them
   std::deque<std::shared_ptr<const Departure>> departures_; // in the journal; serials are consecutive
   Chunk open_;
-  Composition composition_; // of the first chunks of the journal, where one is under way
-  MatrixStore store_;       // of the journal's larger matrices
+  Composition composition_;                 // of the first chunks of the journal, where one is under way
+  MatrixStore store_;                       // of the journal's larger matrices
+  MatrixStore composed_ = store_.another(); // of the stretches
   std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
   std::size_t most_journal_bytes_;

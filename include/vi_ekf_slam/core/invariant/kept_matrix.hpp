@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <utility>
 
 namespace vi_ekf_slam::invariant {
 
@@ -30,9 +31,13 @@ class MatrixStore {
   /// The matrix, from now on in here. Throws std::bad_alloc.
   KeptMatrix keep(const KeptMatrix& matrix);
 
+  /// An empty one that uses the pieces which this one does not need any more: for matrices that live longer.
+  MatrixStore another() const { return MatrixStore(pool_); }
+
  private:
   class Piece;
   class Pool;
+  explicit MatrixStore(std::shared_ptr<Pool> pool) : pool_(std::move(pool)) {}
   std::shared_ptr<Piece> pooledPiece() const;
 
   std::shared_ptr<Pool> pool_; // copies share it
