@@ -2,6 +2,7 @@
 
 #include <deque>
 #include <map>
+#include <memory_resource>
 
 #include "vi_ekf_slam/core/estimator.hpp"
 
@@ -12,6 +13,10 @@ namespace vi_ekf_slam::invariant {
 class Archive {
  public:
   explicit Archive(std::size_t capacity) : capacity_(capacity) {}
+  Archive(const Archive& other)
+      : capacity_(other.capacity_), landmarks_(other.landmarks_, &memory_), order_(other.order_, &memory_) {}
+  Archive& operator=(const Archive&) = delete;
+  ~Archive() = default;
 
   /// An estimate of the same id is replaced.
   void put(const LandmarkEstimate& landmark);
@@ -19,12 +24,14 @@ class Archive {
   /// new axes, of covariance `alignment` (6x6 of position and rotation about `about`), may be correlated with
   /// theirs in any way.
   void move(const SE3& to_T_frame, const Eigen::Vector3d& about, const Matrix6d& alignment);
-  const std::map<FeatureId, LandmarkEstimate>& landmarks() const { return landmarks_; }
+  const std::pmr::map<FeatureId, LandmarkEstimate>& landmarks() const { return landmarks_; }
 
  private:
   std::size_t capacity_;
-  std::map<FeatureId, LandmarkEstimate> landmarks_;
-  std::deque<FeatureId> order_;
+  // Memory of its own: what stays for hours between what comes and goes with each frame would leave gaps.
+  std::pmr::unsynchronized_pool_resource memory_;
+  std::pmr::map<FeatureId, LandmarkEstimate> landmarks_{&memory_};
+  std::pmr::deque<FeatureId> order_{&memory_};
 };
 
 } // namespace vi_ekf_slam::invariant
