@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <map>
+#include <memory>
 #include <set>
 #include <variant>
 
@@ -133,6 +134,18 @@ TEST(Archive, KeepsTheLastEstimatesOfTheNewest) {
   ASSERT_EQ(archive.landmarks().size(), 3u);
   EXPECT_EQ(archive.landmarks().count(7), 0u);
   EXPECT_EQ(archive.landmarks().at(3).position.x(), 3.0);
+}
+
+TEST(Archive, IsCopiedWhole) {
+  auto archive = std::make_unique<Archive>(2);
+  for (const FeatureId id : {1, 2}) archive->put({id, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()});
+  Archive copy = *archive;
+  archive->put({3, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()});
+  EXPECT_EQ(copy.landmarks().count(1), 1u);
+  archive.reset();
+  copy.put({4, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()});
+  EXPECT_EQ(copy.landmarks().size(), 2u);
+  EXPECT_EQ(copy.landmarks().count(1), 0u); // it came first
 }
 
 TEST(InvariantEstimator, KeepsOnlyWhatItSawOften) {
