@@ -8,8 +8,9 @@ from conftest import program
 
 def test_memory_does_not_grow_and_no_pose_is_missing(tmp_path):
     frames = 45000
-    done = subprocess.run([program("soak"), "--frames", str(frames), "--features", "25", "--output", str(tmp_path)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=300)
+    # As many features as a day's soak has: with fewer, the archive would not be full after the first hour.
+    done = subprocess.run([program("soak"), "--frames", str(frames), "--output", str(tmp_path)],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=600)
     assert done.returncode == 0, done.stdout
     assert "%d frames in" % frames in done.stdout and done.stdout.rstrip().endswith("0 problems"), done.stdout
     growth = float(re.search(r"([+-][\d.]+) % since the first hour", done.stdout).group(1))
