@@ -16,7 +16,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr char kMagic[] = "#ROSBAG V2.0\n";
-constexpr std::uint32_t kMaxHeader = 1 << 20; // bytes; a connection's topic is the longest thing in one
+constexpr std::uint32_t kMaxHeader = 1 << 20; // bytes; the longest thing in one is a message's definition
 constexpr std::uint32_t kMaxChunk = 64
                                     << 20; // bytes unpacked; rosbag writes 768 KiB and at least one message
 constexpr std::uint32_t kIndexEntry = 12;  // bytes: time, offset
@@ -196,7 +196,7 @@ class Walk {
     const std::uint8_t op = fields.number<std::uint8_t>("op");
     if (has_header_ != (op != kBagHeader))
       throw std::runtime_error("its bag header is missing or not the only one");
-    const std::uint32_t length = file_.length("a record", op == kChunk ? kMaxChunk : UINT32_MAX);
+    const std::uint32_t length = file_.length("a record", limitOf(op));
     index_found_ = index_found_ || (has_header_ && position == index_position_);
     if (op == kBagHeader) {
       readBagHeader(fields);
@@ -206,10 +206,18 @@ class Walk {
       readChunk(fields, length);
     } else if (op == kIndex) {
       readIndex(fields, length);
+    } else if (op == kConnection) {
+      readConnection(length);
     } else {
       if (op == kChunkInfo) readChunkInfo(fields, length);
       file_.skip(length);
     }
+  }
+
+  /// Bytes that a record may have after its header.
+  static std::uint32_t limitOf(std::uint8_t op) {
+    if (op == kChunk) return kMaxChunk;
+    return op == kConnection ? kMaxHeader : UINT32_MAX;
   }
 
   void readBagHeader(const Fields& fields) {
@@ -235,6 +243,13 @@ class Walk {
       source.skip(source.length("a record in a chunk", UINT32_MAX));
       if (op == kMessage) messages_.push_back(offset);
     }
+  }
+
+  // A connection's data has the form of a header; rosbag reads its fields without looking where they end.
+  void readConnection(std::uint32_t length) {
+    Bytes data(length);
+    file_.read(data.data(), data.size());
+    Fields{data};
   }
 
   void readIndex(const Fields& fields, std::uint32_t length) {

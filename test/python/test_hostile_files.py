@@ -120,7 +120,7 @@ def record(data, length=None, **fields):
     return struct.pack("<I", len(header)) + header + struct.pack("<I", len(data) if length is None else length) + data
 
 
-def bag_of(chunk, size=None, compression=b"none", index_pos=None, encryptor=b"", index=None):
+def bag_of(chunk, size=None, compression=b"none", index_pos=None, encryptor=b"", index=None, connection=None):
     """A bag of one chunk whose bytes and stated size can be anything. All else is in order unless asked otherwise."""
     chunk_record = record(chunk, op=b"\x05", compression=compression, size=struct.pack("<I", len(chunk) if size is None else size))
     if index is not None:
@@ -132,7 +132,8 @@ def bag_of(chunk, size=None, compression=b"none", index_pos=None, encryptor=b"",
                       chunk_count=struct.pack("<I", 1), **({"encryptor": encryptor} if encryptor else {}))
     magic = b"#ROSBAG V2.0\n"
     start = len(magic) + len(header(0))
-    info = record(b"", op=b"\x06", ver=struct.pack("<I", 1), chunk_pos=struct.pack("<Q", start), start_time=bytes(8),
+    known = b"" if connection is None else record(connection, op=b"\x07", conn=bytes(4), topic=b"/imu")
+    info = known + record(b"", op=b"\x06", ver=struct.pack("<I", 1), chunk_pos=struct.pack("<Q", start), start_time=bytes(8),
                   end_time=bytes(8), count=struct.pack("<I", 0))
     position = start + len(chunk_record) if index_pos is None else index_pos
     return magic + header(position) + chunk_record + info
@@ -157,6 +158,9 @@ BAGS = {
     "lz4 garbage": (bag_of(bytes(1000), size=MEGABYTE, compression=b"lz4"), "cannot be unpacked"),
     "record beyond its chunk": (bag_of(record(b"", LONG, op=b"\x02")), "beyond the end"),
     "index of no message": (bag_of(b"", index=bytes(8) + struct.pack("<I", 2**31)), "names a message that is none"),
+    "connection's field beyond its end": (bag_of(b"", connection=struct.pack("<I", 20000) + b"a=b"), "is cut short"),
+    "connection's field without name": (bag_of(b"", connection=struct.pack("<I", 3) + b"abc"), "has no name"),
+    "gigantic connection": (bag_of(b"", connection=bytes(2 * MEGABYTE)), "2097152 bytes, allowed"),
 }
 
 
