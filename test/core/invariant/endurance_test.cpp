@@ -10,6 +10,13 @@ namespace {
 
 using namespace test;
 
+// With a sanitizer a frame takes some hundred times as long, and freed memory stays resident.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+
 /// Resident memory of this process, bytes (Linux).
 double residentBytes() {
   double whole = 0.0, resident = 0.0;
@@ -55,12 +62,16 @@ Memory driveCheaply(int frames, std::size_t features) {
   return memory;
 }
 
-TEST(InvariantEstimator, KeepsItsCovarianceSoundOverALongDrive) { driveCheaply(20000, 20); }
+TEST(InvariantEstimator, KeepsItsCovarianceSoundOverALongDrive) {
+  driveCheaply(kSanitized ? 2000 : 20000, 20);
+}
 
 TEST(InvariantEstimator, KeepsItsCovarianceSoundOverAMillionFramesInConstantMemory) {
-  const Memory memory = driveCheaply(1000000, 4);
+  const Memory memory = driveCheaply(kSanitized ? 20000 : 1000000, 4);
   EXPECT_GT(memory.early, 0.0);
-  EXPECT_LE(memory.late, 1.05 * memory.early);
+  if (!kSanitized) {
+    EXPECT_LE(memory.late, 1.05 * memory.early);
+  }
 }
 
 } // namespace
