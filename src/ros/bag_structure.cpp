@@ -196,8 +196,12 @@ class Walk {
     const std::uint8_t op = fields.number<std::uint8_t>("op");
     if (has_header_ != (op != kBagHeader))
       throw std::runtime_error("its bag header is missing or not the only one");
-    const std::uint32_t length = file_.length("a record", limitOf(op));
     index_found_ = index_found_ || (has_header_ && position == index_position_);
+    if (op == kConnection) {
+      readHeader(file_); // what its data is too; rosbag reads the fields without looking where they end
+      return;
+    }
+    const std::uint32_t length = file_.length("a record", op == kChunk ? kMaxChunk : UINT32_MAX);
     if (op == kBagHeader) {
       readBagHeader(fields);
       file_.skip(length);
@@ -206,18 +210,10 @@ class Walk {
       readChunk(fields, length);
     } else if (op == kIndex) {
       readIndex(fields, length);
-    } else if (op == kConnection) {
-      readConnection(length);
     } else {
       if (op == kChunkInfo) readChunkInfo(fields, length);
       file_.skip(length);
     }
-  }
-
-  /// Bytes that a record may have after its header.
-  static std::uint32_t limitOf(std::uint8_t op) {
-    if (op == kChunk) return kMaxChunk;
-    return op == kConnection ? kMaxHeader : UINT32_MAX;
   }
 
   void readBagHeader(const Fields& fields) {
@@ -243,13 +239,6 @@ class Walk {
       source.skip(source.length("a record in a chunk", UINT32_MAX));
       if (op == kMessage) messages_.push_back(offset);
     }
-  }
-
-  // A connection's data has the form of a header; rosbag reads its fields without looking where they end.
-  void readConnection(std::uint32_t length) {
-    Bytes data(length);
-    file_.read(data.data(), data.size());
-    Fields{data};
   }
 
   void readIndex(const Fields& fields, std::uint32_t length) {
