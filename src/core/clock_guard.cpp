@@ -25,10 +25,13 @@ ClockGuard::Verdict ClockGuard::judge(Measurement& measurement, std::optional<St
   const bool repeats =
       agrees && stampOf(held_.back()) == stamp && streamOf(held_.back()) == streamOf(measurement);
   if (!agrees || repeats) discard();
+  if (!newest) gyro_believed_ = false;
+  const bool first_gyro = streamOf(measurement) == Stream::kGyro && !gyro_believed_;
+  if (first_gyro) gyro_believed_ = true;
   if (side == Side::kNear) return Verdict::kPass;
   held_side_ = side;
   held_.push_back(std::move(measurement));
-  return held_.size() >= options_.jump_confirmations ? Verdict::kJump : Verdict::kHeld;
+  return first_gyro || held_.size() >= options_.jump_confirmations ? Verdict::kJump : Verdict::kHeld;
 }
 
 std::vector<Measurement> ClockGuard::take() { return std::exchange(held_, {}); }

@@ -62,6 +62,26 @@ TEST(ClockGuard, AStreamOnAnotherClockIsDroppedAndTheOthersGoOn) {
   }
 }
 
+TEST(ClockGuard, AStreamOnAnotherClockThatComesFirstIsDroppedAndTheOthersGoOn) {
+  for (const double offset : {-5000.0, 5000.0}) {
+    SlamSystem system(guardedConfig());
+    system.setRig(exampleRig());
+    system.add(velocity(10000.0 + offset));
+    std::size_t n = 0;
+    for (const auto& m : drive(10000.0, 2.0)) {
+      // As often as all the others together, so that these never are alone for long.
+      system.add(velocity(10000.0 + offset + 0.01 * static_cast<double>(++n)));
+      if (streamOf(m) != Stream::kVelocity) system.add(m);
+    }
+    system.flush();
+    const SystemCounts& c = system.counts();
+    EXPECT_EQ(c.processed[kGyro], 200U);
+    EXPECT_EQ(c.processed[kStereo], 20U);
+    EXPECT_EQ(offset > 0.0 ? c.ahead[kVelocity] : c.behind[kVelocity], n - 1);
+    EXPECT_EQ(c.resets, 1U);
+  }
+}
+
 TEST(ClockGuard, ASensorWhoseWrongClockStandsStillConfirmsNothing) {
   SlamSystem system(guardedConfig());
   system.setRig(exampleRig());

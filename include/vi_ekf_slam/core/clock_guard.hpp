@@ -15,6 +15,9 @@ namespace vi_ekf_slam {
 /// A stamp that is far ahead of all others, or far behind, is not believed at once: the measurement is held.
 /// `jump_confirmations` such measurements in a row, near each other, are a jump, and none of them is lost. A
 /// measurement that goes on where the others were refutes it: what was held is stray.
+///
+/// The state moves by the gyro's clock. So the first gyro sample is believed at once, whatever came before it
+/// from a sensor with another clock.
 class ClockGuard {
  public:
   enum class Verdict {
@@ -49,6 +52,7 @@ class ClockGuard {
   MeasurementBuffer::Options options_;
   std::vector<Measurement> held_;
   Side held_side_ = Side::kNear;
+  bool gyro_believed_ = false; ///< since nothing was believed
   Strays strays_;
 };
 
