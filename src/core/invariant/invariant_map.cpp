@@ -14,8 +14,7 @@ namespace {
 constexpr double kSettlingPerFrame = 2e8;
 constexpr double kMostComposed = 1e9;            // of them in one frame
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
-constexpr std::size_t kTellingObservations =
-    3; // before a landmark is compared with what was seen of it before
+constexpr std::size_t kTwinObservations = 3; // before a landmark is compared with what was seen of it before
 // Twins must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
 constexpr double kMostSaved = 100.0;     // frames
@@ -128,7 +127,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
       std::min(settling_allowance_ + kSettlingPerFrame, std::max(cost(), kMostSaved * kSettlingPerFrame));
   std::vector<FeatureId> ids;
   for (const Landmark& landmark : state_.landmarks()) {
-    if (landmark.observations >= kTellingObservations && ids.size() < kMostTwins &&
+    if (landmark.observations >= kTwinObservations && ids.size() < kMostTwins &&
         state_.inactive().contains(landmark.id) && !disputed_.count(landmark.id) &&
         isLongOutOfView(landmark.id))
       ids.push_back(landmark.id);

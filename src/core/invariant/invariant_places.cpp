@@ -11,7 +11,7 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr int kFramesBetween = 20; // attempts, each of which may take some 0.1 s
-constexpr std::size_t kTellingObservations = 5;
+constexpr std::size_t kPlaceObservations = 5;
 constexpr double kRadius = 70.0; // m about the vehicle
 // How often the view may have changed for a landmark to be of now, and must have for it to be of before.
 constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
@@ -47,7 +47,7 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   }
   if (before.size() < kLeastBefore) return;
   for (const Landmark& l : state_.landmarks()) {
-    if (l.observations >= kTellingObservations && (l.position - about).norm() < kRadius)
+    if (l.observations >= kPlaceObservations && (l.position - about).norm() < kRadius)
       now.push_back({l.id, l.position});
   }
   const auto recognition = PlaceRecogniser().recognise(now, before, about, covariance);

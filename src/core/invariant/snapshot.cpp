@@ -10,7 +10,7 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr std::size_t kTellingObservations = 3; // of a landmark in view, to be worth keeping
+constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be worth keeping
 // rad, standard deviation after the gap: corrections of more are none that are linear.
 constexpr double kKnownRotation = 1.0;
 constexpr double kRounding = 1e-12; // of the largest variance
@@ -21,7 +21,7 @@ SavedMap savedFrom(State& state, Stamp stamp) {
   for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
     const Landmark& l = state.landmarks()[i];
     // Of one that is seen again but not yet fused, the map's estimate is the one that stays.
-    if (l.observations >= kTellingObservations && !state.inactive().contains(l.id) && ids.insert(l.id).second)
+    if (l.observations >= kKeptObservations && !state.inactive().contains(l.id) && ids.insert(l.id).second)
       active.push_back(i);
   }
   if (active.size() > kMaxSavedLandmarks) active.resize(kMaxSavedLandmarks);

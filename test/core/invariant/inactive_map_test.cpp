@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <set>
 
+#include "../../sanitized.hpp"
 #include "dense_drive.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -11,7 +12,7 @@ namespace {
 using namespace test;
 
 TEST(InactiveMap, EqualsTheDenseJointFilterWithReobservations) {
-  for (const unsigned seed : {1u, 2u, 3u}) {
+  for (unsigned seed = 1; seed <= (kSanitized ? 1u : 3u); ++seed) {
     Twins twins(seed);
     for (int frame = 1; frame <= 60; ++frame) {
       twins.step();
