@@ -19,24 +19,34 @@ source_unset "$build/devel/setup.bash"
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# The fuzz targets take minutes to build: beside the rest, and with less right to the cores.
-say "running the fuzz tests in the background"
-nice "$python" -m pytest "$root/test/python/test_fuzz.py" -q -rs -p no:cacheprovider \
-  --junitxml="$results/fuzz.xml" >"$build/fuzz.log" 2>&1 &
-fuzz=$!
+run_pytest() {
+  local name="$1"
+  shift
+  nice "$python" -m pytest "$@" -q -rs -p no:cacheprovider --junitxml="$results/$name.xml" >"$build/$name.log" 2>&1
+}
+
+# Beside the tests with a master, and with less right to the cores, since those have times to keep.
+say "running the fuzz tests, then the Python tests, in the background"
+python_tests="$root/test/python"
+{
+  failed=0
+  run_pytest fuzz "$python_tests/test_fuzz.py" || failed=1
+  run_pytest python "$python_tests" --ignore="$python_tests/test_fuzz.py" || failed=1
+  exit "$failed"
+} &
+background=$!
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
   status=1  # a failed test leaves its result; what ended the run itself would leave none
-  cat >"$results/run_tests.xml" <<'EOF'
+  cat >"$results/run_tests.xml" <<'XML'
 <testsuite><testcase classname="run_tests" name="ends"><failure>ended early or out of time</failure></testcase></testsuite>
-EOF
+XML
 fi
-say "running Python tests"
-"$python" -m pytest "$root/test/python" --ignore="$root/test/python/test_fuzz.py" -q -rs -p no:cacheprovider \
-  --junitxml="$results/python.xml" || status=1
-wait "$fuzz" || status=1
-say "fuzz tests"
-cat "$build/fuzz.log"
+wait "$background" || status=1
+for name in fuzz python; do
+  say "$name tests"
+  cat "$build/$name.log"
+done
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"
