@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 PROGRAM = os.path.join(ROOT, "build", "devel", "lib", "vi_ekf_slam", "growth_benchmark")
@@ -13,10 +14,11 @@ HEADER = ("in view", "out of view", "frame, mean", "frame, median", "frame, long
 
 
 def measure(program, pattern):
-    """Figures by (landmarks in view, landmarks out of view)."""
-    done = subprocess.run([program, "--benchmark_format=json", "--benchmark_filter=" + pattern], stdout=subprocess.PIPE,
-                          check=True, universal_newlines=True)
-    return figures(json.loads(done.stdout))
+    """Figures by (landmarks in view, landmarks out of view). Each case is told on standard error when it is done."""
+    with tempfile.NamedTemporaryFile("r", encoding="utf-8", suffix=".json") as report:
+        subprocess.run([program, "--benchmark_filter=" + pattern, "--benchmark_out=" + report.name,
+                        "--benchmark_out_format=json"], stdout=sys.stderr, check=True)
+        return figures(json.load(report))
 
 
 def figures(report):
