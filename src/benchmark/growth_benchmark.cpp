@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <ctime>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <memory>
 #include <random>
@@ -22,9 +23,9 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kLife = 12; // frames that a landmark is in view, as in the median of the real drives
-// Frames times landmarks in view: all landmarks in view change at least three times, and the deferred steps
-// of that many frames are composed at least twice.
-constexpr std::size_t kSightings = 60000;
+// Frames times landmarks in view: all landmarks in view change five times at least, and the deferred steps
+// are composed some ten times.
+constexpr std::size_t kSightings = 24000;
 
 struct Frame {
   double seconds = 0.0;
@@ -45,7 +46,7 @@ class Scene {
 
   /// Until `inactive` landmarks are out of view.
   void fill(std::size_t inactive) {
-    while (state_.inactive().size() < inactive) step(inactive);
+    while (state_.inactive().size() < inactive) step(std::numeric_limits<std::size_t>::max());
   }
 
   /// A frame, after which at most `most` landmarks that left are kept.
