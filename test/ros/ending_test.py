@@ -34,11 +34,20 @@ class Ending(NodeRunner):
         self.assertTrue(all(len(line.split()) == 8 for line in lines.splitlines()))
         return len(lines.splitlines())
 
+    def play_and_hear(self):
+        """Plays 3 s; all but the last frame, which the node may hold back, is answered then."""
+        odometry = []
+        listener = rospy.Subscriber("odometry", Odometry, odometry.append, queue_size=1000)
+        self.wait_for(lambda: listener.get_num_connections() > 0)
+        self.play(0.0, 3.0)
+        self.wait_for(lambda: odometry and odometry[-1].header.stamp.to_sec() >= START + 2.9)
+        listener.unregister()
+
     def check_signal(self, number):
         """All that was published before the signal is saved, whole files only."""
         node = self.start(0)
-        self.play(0.0, 3.0)
-        time.sleep(0.3)  # on the way to the node
+        self.play_and_hear()
+        time.sleep(1.0)  # the last frame is on its way to the node
         self.assertEqual(0, self.poses())
         node.send_signal(number)
         self.assertEqual(0, node.wait(20))
@@ -62,18 +71,13 @@ class Ending(NodeRunner):
     def test_sigkill_loses_the_last_period_only(self):
         """What was computed a period before is there, and whole."""
         node = self.start(0.5)
-        odometry = []
-        listener = rospy.Subscriber("odometry", Odometry, odometry.append, queue_size=1000)
-        self.wait_for(lambda: listener.get_num_connections() > 0)
-        self.play(0.0, 3.0)
-        self.wait_for(lambda: odometry and odometry[-1].header.stamp.to_sec() >= START + 2.9)
+        self.play_and_hear()
         time.sleep(2.5)  # the period, and the s in which the node looks after such things
         self.play(3.1, 3.5)
         node.kill()
         node.wait(20)
         self.assertGreaterEqual(self.poses(), 30)
         self.assertTrue(os.path.exists(os.path.join(self.output, "summary.yaml")))
-        listener.unregister()
 
     def test_a_period_that_is_none_is_refused(self):
         """Named with what is allowed."""
