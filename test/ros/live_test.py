@@ -60,7 +60,7 @@ class Live(unittest.TestCase):
         cls.play(cls.messages)
         cls.end = rospy.Time.from_sec(START + 6.0)
         assert wait_for(lambda: cls.stamps("odometry") and cls.stamps("odometry")[-1] == cls.end), "not answered"
-        time.sleep(0.5)
+        time.sleep(1.5)
         cls.first_drive = {topic: list(messages) for topic, messages in cls.heard.items()}
 
     @classmethod
