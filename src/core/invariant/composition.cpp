@@ -12,7 +12,7 @@ namespace vi_ekf_slam::invariant {
 double costOf(const DeferredStep& step) {
   const auto* update = std::get_if<KalmanUpdate>(&step);
   if (!update) return 0.0;
-  const auto n = static_cast<double>((*update->K).rows()), r = static_cast<double>((*update->K).cols());
+  const auto r = static_cast<double>((*update->Kt).rows()), n = static_cast<double>((*update->Kt).cols());
   return 5.0 * n * n * r;
 }
 

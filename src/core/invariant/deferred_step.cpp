@@ -16,7 +16,7 @@ std::size_t heapOf(const Propagation& step) {
   return static_cast<std::size_t>(step.G.size()) * sizeof(double);
 }
 std::size_t heapOf(const KalmanUpdate& step) {
-  return bytes(*step.K) + bytes(step.S_inverse) + step.H.bytes();
+  return bytes(*step.Kt) + bytes(step.S_inverse) + step.H.bytes();
 }
 std::size_t heapOf(const Transport& step) { return step.M.size() * sizeof(Eigen::Matrix3d); }
 template <class Small>
@@ -39,7 +39,7 @@ void addInverseS(const KalmanUpdate& step, Eigen::MatrixXd& sum) {
     sum += step.S_inverse;
     return;
   }
-  const Eigen::MatrixXd KtHt = step.H.timesTransposed((*step.K).transpose().eval());
+  const Eigen::MatrixXd KtHt = step.H.timesTransposed(*step.Kt);
   for (Eigen::Index i = 0; i < sum.rows(); i += 3) {
     addTurned(KtHt.middleCols<3>(i), -step.R_inverse, sum.middleCols<3>(i));
     sum.block<3, 3>(i, i) += step.R_inverse;
@@ -68,7 +68,7 @@ void CorrectionSweep::back(const Propagation& step) {
 
 /// F = I - K H, and H^T y is learned.
 void CorrectionSweep::back(const KalmanUpdate& step) {
-  const Eigen::VectorXd weighted = step.y - (*step.K).transpose() * correction_;
+  const Eigen::VectorXd weighted = step.y - *step.Kt * correction_;
   step.H.addTransposed(correction_, weighted);
 }
 
@@ -118,9 +118,9 @@ void InformationSweep::back(const Propagation& step) {
 /// F = I - K H, and H^T S^-1 H is learned: information + H^T (K^T information K + S^-1) H less the mixed
 /// terms, all but the first one within the few columns of H.
 void InformationSweep::back(const KalmanUpdate& step) {
-  Eigen::MatrixXd mixed = active() * *step.K;
+  Eigen::MatrixXd mixed = active() * (*step.Kt).transpose();
   Eigen::MatrixXd own = Eigen::MatrixXd::Zero(mixed.cols(), mixed.cols());
-  own.triangularView<Eigen::Lower>() += (*step.K).transpose() * mixed;
+  own.triangularView<Eigen::Lower>() += *step.Kt * mixed;
   addInverseS(step, own);
   mirrorLower(own);
   step.H.addTransposed(mixed, -0.5 * own);
@@ -190,7 +190,7 @@ void ForwardSweep::forward(const Propagation& step) {
 /// With Z = X H^T: X -= Z K^T, and y is learned about by Z S^-1 nu, with Z S^-1 Z^T less of its covariance.
 void ForwardSweep::forward(const KalmanUpdate& step) {
   const Eigen::MatrixXd Z = step.H.timesTransposed(active());
-  active().noalias() -= Z * (*step.K).transpose();
+  active().noalias() -= Z * *step.Kt;
   const Eigen::MatrixXd weighted = timesInverseS(step, Z, active());
   gram_.topLeftCorner(rows_, rows_).triangularView<Eigen::Lower>() += weighted * Z.transpose();
   learned_.head(rows_).noalias() += Z * step.y;

@@ -33,7 +33,7 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
 } // namespace
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
-  if (auto* update = std::get_if<KalmanUpdate>(&step)) update->K = store_.keep(update->K);
+  if (auto* update = std::get_if<KalmanUpdate>(&step)) update->Kt = store_.keep(update->Kt);
   if (open_.steps.empty()) open_.size = size - gainOf(step);
   const double cost = costOf(step);
   journal_bytes_ += bytesOf(step);

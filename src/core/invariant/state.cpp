@@ -9,6 +9,7 @@
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
 #include "vi_ekf_slam/core/invariant/symmetric.hpp"
+#include "vi_ekf_slam/core/invariant/triangular.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -106,31 +107,45 @@ Correction::Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Vect
   valid_ = nis_ >= 0.0 && error_.allFinite();
 }
 
-/// After apply has put A = P H^T L^-T in the place of PHt_. K = A L^-1 moves what is correlated with the
-/// errors just as P - A A^T moves the errors; P^+ H^T R^-1, which would be cheaper, does not to the last
-/// digits.
-KalmanUpdate Correction::takeUpdate() {
-  L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(PHt_);
-  if (noise_)
-    return {std::move(PHt_), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), noise_->inverse()};
-  Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(L_.rows(), L_.cols());
-  L_.triangularView<Eigen::Lower>().solveInPlace(inverse);
-  L_.transpose().triangularView<Eigen::Upper>().solveInPlace(inverse);
-  return {std::move(PHt_), std::move(H_), std::move(weighted_), std::move(inverse), Eigen::Matrix3d::Zero()};
+std::optional<RelativeUpdate> Correction::relative() const {
+  return noise_ ? RelativeUpdate::make(H_, *noise_, PHt_, L_) : std::nullopt;
 }
 
+/// `Kt` is K^T.
+KalmanUpdate Correction::takeUpdate(Eigen::MatrixXd Kt) {
+  if (noise_)
+    return {std::move(Kt), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), noise_->inverse()};
+  invertLower(L_);
+  squareLower(L_);
+  mirrorLower(L_);
+  return {std::move(Kt), std::move(H_), std::move(weighted_), std::move(L_), Eigen::Matrix3d::Zero()};
+}
+
+/// P - K H P = P - A A^T with A = P H^T L^-T, symmetric by construction, and K = A L^-1, which moves what is
+/// correlated with the errors just as that moves the errors; P^+ H^T R^-1, which would be cheaper, does not
+/// to the last digits.
 bool State::apply(Correction correction, const SE3* cam_T_imu) {
   if (!correction.isValid()) return false;
-  // P - K H P = P - A A^T with A = P H^T L^-T: symmetric by construction.
   Eigen::MatrixXd& A = correction.PHt_;
   if (inactive_ && correction.H_.rows() != A.cols())
     throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
+  auto P = covariance_.topLeftCorner(size(), size());
+  if (const auto relative = correction.relative()) {
+    if (!relative->isFinite()) return false;
+    if (inactive_) record(correction.takeUpdate(relative->transposedGain()));
+    std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
+    relative->correct(P, M);
+    if (!M.empty()) record(Transport{std::move(M)});
+    return true;
+  }
   correction.L_.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(A);
   if (!A.allFinite()) return false;
-  auto P = covariance_.topLeftCorner(size(), size());
   P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
   mirrorLower(P);
-  if (inactive_) record(correction.takeUpdate());
+  if (inactive_) {
+    correction.L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(A);
+    record(correction.takeUpdate(A.transpose()));
+  }
   std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
   if (!M.empty()) {
     transport(M);

@@ -21,7 +21,7 @@ struct Propagation {
 
 /// Kalman update x -= K H x, for the innovation nu of covariance S.
 struct KalmanUpdate {
-  KeptMatrix K;
+  KeptMatrix Kt; ///< K^T
   SparseRows H;
   Eigen::VectorXd y;         ///< S^-1 nu
   Eigen::MatrixXd S_inverse; ///< empty: it is R^-1 (I - H K), for R of equal 3x3 blocks

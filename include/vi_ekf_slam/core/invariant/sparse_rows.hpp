@@ -11,14 +11,21 @@ namespace vi_ekf_slam::invariant {
 /// blocks are either the same or disjoint.
 class SparseRows {
  public:
+  /// `value`, whose top left corner is at (row, column).
+  struct Block {
+    Eigen::Index row, column;
+    Eigen::Matrix3d value;
+  };
+
   explicit SparseRows(Eigen::Index rows) : rows_(rows) {}
 
-  /// The block whose top left corner is at (row, column).
   void add(Eigen::Index row, Eigen::Index column, const Eigen::Matrix3d& value) {
     blocks_.push_back({row, column, value});
   }
 
   Eigen::Index rows() const { return rows_; }
+  /// In the order in which they were added.
+  const std::vector<Block>& blocks() const { return blocks_; }
   std::size_t bytes() const { return blocks_.size() * sizeof(Block); }
 
   /// X H^T (m x rows()), for X (m x n).
@@ -62,11 +69,6 @@ class SparseRows {
   }
 
  private:
-  struct Block {
-    Eigen::Index row, column;
-    Eigen::Matrix3d value;
-  };
-
   Eigen::Index rows_;
   std::vector<Block> blocks_;
 };

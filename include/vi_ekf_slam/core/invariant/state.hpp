@@ -8,6 +8,7 @@
 
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
 #include "vi_ekf_slam/core/invariant/landmark.hpp"
+#include "vi_ekf_slam/core/invariant/relative_update.hpp"
 #include "vi_ekf_slam/core/measurement.hpp"
 #include "vi_ekf_slam/core/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
@@ -48,9 +49,10 @@ class Correction {
  private:
   friend class State;
 
-  Eigen::MatrixXd PHt_;
-  KalmanUpdate takeUpdate();
+  std::optional<RelativeUpdate> relative() const;
+  KalmanUpdate takeUpdate(Eigen::MatrixXd Kt);
 
+  Eigen::MatrixXd PHt_;
   Eigen::MatrixXd L_; // lower triangle: S = L L^T
   SparseRows H_;
   std::optional<Eigen::Matrix3d> noise_; // where S^-1 can be had by it
@@ -90,9 +92,7 @@ class State {
   /// Where each landmark is in landmarks(), by id; the first one of those that share an id.
   std::unordered_map<FeatureId, std::size_t> indexById() const;
   Eigen::Index size() const { return offsetOf(landmarks_.size()); }
-  static Eigen::Index offsetOf(std::size_t landmark) {
-    return kLandmarks + rowsOf(landmark);
-  }
+  static Eigen::Index offsetOf(std::size_t landmark) { return kLandmarks + rowsOf(landmark); }
   /// size() x size(), symmetric.
   auto covariance() const { return covariance_.topLeftCorner(size(), size()); }
 
