@@ -19,11 +19,16 @@ source_unset "$build/devel/setup.bash"
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# Beside the tests with a master, and with less right to the cores, since those have times to keep.
-say "running the Python tests in the background (the fuzz targets take minutes to build)"
-nice "$python" -m pytest "$root/test/python" -q -rs -p no:cacheprovider --junitxml="$results/python.xml" \
-  >"$build/python.log" 2>&1 &
-python_tests=$!
+# Beside the tests with a master, and with less right to the cores, since those have times to keep; the fuzz targets,
+# which take minutes to build, with least.
+say "running the Python tests in the background"
+python_tests() {
+  nice -n "$1" "$python" -m pytest "${@:3}" -q -rs -p no:cacheprovider --junitxml="$results/$2.xml" >"$build/$2.log" 2>&1
+}
+python_tests 10 python "$root/test/python" --ignore="$root/test/python/test_fuzz.py" &
+others=$!
+python_tests 15 fuzz "$root/test/python/test_fuzz.py" &
+fuzz=$!
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
   status=1  # a failed test leaves its result; what ended the run itself would leave none
@@ -31,9 +36,10 @@ if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --ta
 <testsuite><testcase classname="run_tests" name="ends"><failure>ended early or out of time</failure></testcase></testsuite>
 EOF
 fi
-wait "$python_tests" || status=1
+wait "$others" || status=1
+wait "$fuzz" || status=1
 say "Python tests"
-cat "$build/python.log"
+cat "$build/python.log" "$build/fuzz.log"
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"
