@@ -18,7 +18,7 @@ corpus="$root/test/fuzz/corpus"
 build_targets() {
   if [ ! -f "$folder/Makefile" ] && [ ! -f "$folder/build.ninja" ]; then
     cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
-      -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="-O2 -g1 -fno-omit-frame-pointer" \
+      -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="-O1 -g1 -fno-omit-frame-pointer" \
       -Dvi_ekf_slam_FUZZ=ON -Dvi_ekf_slam_WERROR=OFF
   fi
   cmake --build "$folder" -j"${JOBS:-$(nproc)}" --target "${@/%/_fuzzer}"

@@ -19,15 +19,15 @@ source_unset "$build/devel/setup.bash"
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# Beside the tests with a master, and with less right to the cores, since those have times to keep; the fuzz targets,
-# which take minutes to build, with least.
+# Beside the tests with a master, and with less right to the cores, since those have times to keep. The fuzz targets,
+# which take minutes to build, on their own, so that no core waits for the other at the end.
 say "running the Python tests in the background"
 python_tests() {
   nice -n "$1" "$python" -m pytest "${@:3}" -q -rs -p no:cacheprovider --junitxml="$results/$2.xml" >"$build/$2.log" 2>&1
 }
 python_tests 10 python "$root/test/python" --ignore="$root/test/python/test_fuzz.py" &
 others=$!
-python_tests 15 fuzz "$root/test/python/test_fuzz.py" &
+python_tests 10 fuzz "$root/test/python/test_fuzz.py" &
 fuzz=$!
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
