@@ -23,11 +23,11 @@ status=0
 # which take minutes to build, on their own, so that no core waits for the other at the end.
 say "running the Python tests in the background"
 python_tests() {
-  nice -n "$1" "$python" -m pytest "${@:3}" -q -rs -p no:cacheprovider --junitxml="$results/$2.xml" >"$build/$2.log" 2>&1
+  nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
 }
-python_tests 10 python "$root/test/python" --ignore="$root/test/python/test_fuzz.py" &
+python_tests python "$root/test/python" --ignore="$root/test/python/test_fuzz.py" &
 others=$!
-python_tests 10 fuzz "$root/test/python/test_fuzz.py" &
+python_tests fuzz "$root/test/python/test_fuzz.py" &
 fuzz=$!
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
