@@ -130,7 +130,7 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   if (inactive_ && correction.H_.rows() != A.cols())
     throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
   auto P = covariance_.topLeftCorner(size(), size());
-  if (auto relative = correction.relative()) {
+  if (const auto relative = correction.relative()) {
     if (!relative->isFinite()) return false;
     if (inactive_) record(correction.takeUpdate(relative->transposedGain()));
     std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);

@@ -26,7 +26,7 @@ class RelativeUpdate {
   bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
 
   /// K^T (rows x n).
-  Eigen::MatrixXd transposedGain();
+  Eigen::MatrixXd transposedGain() const;
 
   /// P <- T (P - K S K^T) T^T, where T re-expresses the landmarks' errors relative to the body, e_j - xi_p <-
   /// M_j (e_j - xi_p), or is the identity where M is empty.
@@ -51,7 +51,7 @@ class RelativeUpdate {
   std::vector<Seen> seen_;
   std::vector<Eigen::Index> others_; // each the first of three rows of the state; the position's come first
   Eigen::Matrix3d noise_;
-  Eigen::MatrixXd S_inverse_; // the lower triangle, unless the gain was asked for
+  Eigen::MatrixXd S_inverse_; // symmetric
   Eigen::MatrixXd weighted_;  // of the others: P H^T L^-T
   Eigen::MatrixXd gain_;      // of the others: P H^T S^-1
 };
