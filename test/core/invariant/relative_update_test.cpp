@@ -1,8 +1,6 @@
 #include "vi_ekf_slam/core/invariant/relative_update.hpp"
 
 #include <Eigen/LU>
-#include <algorithm>
-#include <cmath>
 
 #include "states.hpp"
 
@@ -12,6 +10,13 @@ namespace {
 using namespace test;
 
 const Eigen::Matrix3d kPixels = Eigen::Vector3d(1.3, 0.65, 1.3).asDiagonal();
+
+/// Of so many rows, each three independent of the others.
+Eigen::MatrixXd noiseOf(Eigen::Index rows) {
+  Eigen::MatrixXd R = Eigen::MatrixXd::Zero(rows, rows);
+  for (Eigen::Index row = 0; row < rows; row += 3) R.block<3, 3>(row, row) = kPixels;
+  return R;
+}
 
 /// Some landmarks of a state, measured as a stereo pair does, one after the other as `seen` has them.
 struct Measured {
@@ -32,9 +37,7 @@ struct Measured {
 
   /// What the update is made of.
   std::optional<RelativeUpdate> update(const State& state) const {
-    Eigen::MatrixXd R = Eigen::MatrixXd::Zero(H.rows(), H.rows());
-    for (Eigen::Index row = 0; row < H.rows(); row += 3) R.block<3, 3>(row, row) = kPixels;
-    const Update update = updateOf(state, dense, R);
+    const Update update = updateOf(state, dense, noiseOf(H.rows()));
     return RelativeUpdate::make(H, kPixels, update.PHt, update.S.llt().matrixL());
   }
 
@@ -53,8 +56,7 @@ TEST(RelativeUpdate, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
     ASSERT_TRUE(update);
     EXPECT_TRUE(update->isFinite());
     const Eigen::MatrixXd P = state.covariance();
-    Eigen::MatrixXd S = measured.dense * P * measured.dense.transpose();
-    for (Eigen::Index row = 0; row < S.rows(); row += 3) S.block<3, 3>(row, row) += kPixels;
+    const Eigen::MatrixXd S = measured.dense * P * measured.dense.transpose() + noiseOf(measured.H.rows());
     const Eigen::MatrixXd K = P * measured.dense.transpose() * S.inverse();
     EXPECT_LT(relativeDistance(update->transposedGain(), K.transpose()), 1e-9);
 
@@ -111,8 +113,7 @@ TEST(RelativeUpdate, LosesNothingWhereTheLandmarksAreKnownFarBetterThanMeasured)
   Random random(3);
   State fast = busyState(random, 8), slow = fast;
   const Measured measured(random, fast, {0, 1, 2, 3, 4, 5, 6, 7});
-  const Eigen::MatrixXd R = kPixels.replicate(8, 8).cwiseProduct(
-      Eigen::MatrixXd::NullaryExpr(24, 24, [](auto i, auto j) { return i / 3 == j / 3 ? 1.0 : 0.0; }));
+  const Eigen::MatrixXd R = noiseOf(24);
   for (int i = 0; i < 3000; ++i) {
     for (State* state : {&fast, &slow}) {
       state->propagate(0.1, kNoise);

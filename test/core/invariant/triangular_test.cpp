@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "states.hpp"
 
 namespace vi_ekf_slam::invariant {
