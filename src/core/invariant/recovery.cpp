@@ -15,8 +15,8 @@ constexpr double kFramesOfLag = 2.0;      // by which a front end that repeats i
 constexpr double kJumpPrecision = 0.1;    // of a jump, that it is known to
 constexpr double kDoubtfulPosition = 1.0; // m, standard deviation at least
 constexpr double kDoubtfulRotation = 0.1; // rad
-constexpr double kAnyRotation = 1.8;      // rad, standard deviation of an angle that may be any
-constexpr double kRounding = 1e-9;        // of a correlation matrix's eigenvalues
+constexpr double kAnyAngle = 1.8;         // rad, standard deviation of an angle that may be any
+constexpr double kNegligible = 1e-9;      // of a correlation matrix's eigenvalues
 
 /// 3x3 of a landmark's error relative to the body's position, e - xi_p.
 Eigen::Matrix3d fromBody(const State& state, std::size_t landmark) {
@@ -43,7 +43,7 @@ bool InvariantEstimator::isSound(bool thoroughly) const {
   using Base = Eigen::Matrix<double, kLandmarks, 1>;
   const Base scale = base.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
   Eigen::Matrix<double, kLandmarks, kLandmarks> correlation = scale.asDiagonal() * base * scale.asDiagonal();
-  correlation.diagonal() = Base::Constant(1.0 + kRounding);
+  correlation.diagonal() = Base::Constant(1.0 + kNegligible);
   return Eigen::LLT<Eigen::Matrix<double, kLandmarks, kLandmarks>>(correlation).info() == Eigen::Success;
 }
 
@@ -129,7 +129,7 @@ void InvariantEstimator::followJump(const SE3& motion) {
 /// All that was estimated within the monitor's window.
 void InvariantEstimator::doubtAll() {
   doubt(std::max(kDoubtfulPosition, monitor_.distance()),
-        std::clamp(monitor_.angle(), kDoubtfulRotation, kAnyRotation));
+        std::clamp(monitor_.angle(), kDoubtfulRotation, kAnyAngle));
   for (const Eigen::Index axis : {0, 3}) {
     state_.forget(kBias + axis, config_.prior_bias_sigma.segment<3>(axis));
   }

@@ -71,11 +71,19 @@ RelativeUpdate::RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index>
   // S^-1 then, and not rounded away.
   invertLower(S_inverse_);
   squareLower(S_inverse_);
-  mirrorLower(S_inverse_);
+  mirrorBlocks(S_inverse_);
+}
+
+bool RelativeUpdate::isFinite() const {
+  for (Eigen::Index column = 0; column < S_inverse_.cols(); ++column) {
+    if (!S_inverse_.col(column).tail(S_inverse_.rows() - column).allFinite()) return false;
+  }
+  return gain_.allFinite();
 }
 
 /// Of a landmark that is seen, K = J^-1 (I - R S^-1) and the position's.
-Eigen::MatrixXd RelativeUpdate::transposedGain() const {
+Eigen::MatrixXd RelativeUpdate::transposedGain() {
+  mirrorLower(S_inverse_);
   Eigen::MatrixXd Kt(S_inverse_.rows(), rowsOf(seen_.size() + others_.size()));
   for (std::size_t i = 0; i < others_.size(); ++i)
     Kt.middleCols<3>(others_[i]) = gain_.middleRows<3>(rowsOf(i)).transpose();

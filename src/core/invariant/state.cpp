@@ -85,9 +85,10 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   auto P = covariance_.topLeftCorner(size(), size());
   Matrix6d mean_covariance = twist_covariance;
   mean_covariance.diagonal() += Q / 3.0;
-  const Columns6 half = cross_start + 0.5 * G * mean_covariance;
-  P.noalias() += G * half.transpose();
-  P.noalias() += half * G.transpose();
+  Eigen::Matrix<double, Eigen::Dynamic, 12> left(size(), 12), right(size(), 12);
+  left << G, cross_start + 0.5 * G * mean_covariance;
+  right << left.rightCols<6>(), G;
+  P.noalias() += left * right.transpose();
   const Columns6 cross = G * (0.5 * Q).asDiagonal();
   P.middleCols<6>(kTwist) += cross;
   P.middleRows<6>(kTwist) += cross.transpose();
@@ -130,7 +131,7 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   if (inactive_ && correction.H_.rows() != A.cols())
     throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
   auto P = covariance_.topLeftCorner(size(), size());
-  if (const auto relative = correction.relative()) {
+  if (auto relative = correction.relative()) {
     if (!relative->isFinite()) return false;
     if (inactive_) record(correction.takeUpdate(relative->transposedGain()));
     std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
@@ -140,8 +141,7 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
   }
   correction.L_.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(A);
   if (!A.allFinite()) return false;
-  P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
-  mirrorLower(P);
+  subtractSquare(P, A);
   if (inactive_) {
     correction.L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(A);
     record(correction.takeUpdate(A.transpose()));
@@ -189,14 +189,28 @@ std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const 
   return M;
 }
 
-/// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p).
+/// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p). P <- T P T^T,
+/// column by column and then row by row, of the lower triangle.
 void State::transport(const std::vector<Eigen::Matrix3d>& M) {
-  onBothSides(covariance_.topLeftCorner(size(), size()), [&M](Eigen::Ref<Eigen::MatrixXd>& P) {
-    for (std::size_t j = 0; j < M.size(); ++j) {
-      auto own = P.middleCols<3>(offsetOf(j));
-      turnAbout(P.middleCols<3>(kPosition), own, M[j].transpose(), own);
+  auto P = covariance_.topLeftCorner(size(), size());
+  Rows3 position = P.middleCols<3>(kPosition).transpose(); // the body's rows of P T^T
+  const Eigen::Matrix3d base = position.middleCols<3>(kPosition);
+  for (std::size_t j = 0; j < M.size(); ++j) {
+    const Eigen::Index column = offsetOf(j), below = size() - column;
+    auto own = P.middleCols<3>(column).bottomRows(below);
+    turnAbout(P.middleCols<3>(kPosition).bottomRows(below), own, M[j].transpose(), own);
+    position.middleCols<3>(column) = base + (position.middleCols<3>(column) - base) * M[j].transpose();
+  }
+  for (Eigen::Index column = 0; column < size(); column += 3) {
+    const Eigen::Matrix3d body = position.middleCols<3>(column);
+    const Eigen::Index first = std::max<Eigen::Index>(column - kLandmarks, 0) / 3;
+    for (auto i = static_cast<std::size_t>(first); i < M.size(); ++i) {
+      auto block = P.block<3, 3>(offsetOf(i), column);
+      const Eigen::Matrix3d way = block - body;
+      block = body + M[i] * way;
     }
-  });
+  }
+  mirrorLower(P);
 }
 
 void State::reserve(Eigen::Index size) {

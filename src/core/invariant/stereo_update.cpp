@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
-#include "vi_ekf_slam/core/invariant/symmetric.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -42,17 +41,17 @@ Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
 
 Eigen::MatrixXd StereoModel::innovationCovariance(const std::vector<Observation>& observations,
                                                   const Eigen::MatrixXd& PHt) const {
-  const Eigen::Index rows = PHt.cols();
-  const Eigen::MatrixXd HP = PHt.transpose();
-  Eigen::MatrixXd S(rows, rows);
-  for (Eigen::Index column = 0; column < rows; column += 3) {
-    const Observation& o = observations[static_cast<std::size_t>(column / 3)];
-    const auto below = [column](auto columns) { return columns.bottomRows(columns.rows() - column); };
-    turnedFrom(below(HP.middleCols<3>(kPosition)), below(HP.middleCols<3>(State::offsetOf(o.landmark))),
-               o.jacobian.transpose(), below(S.middleCols<3>(column)));
+  Eigen::MatrixXd S(PHt.cols(), PHt.cols());
+  for (std::size_t j = 0; j < observations.size(); ++j) {
+    const Eigen::Index column = rowsOf(j);
+    const Eigen::Matrix3d position = PHt.block<3, 3>(kPosition, column);
+    for (std::size_t i = j; i < observations.size(); ++i) {
+      const Eigen::Matrix3d way =
+          PHt.block<3, 3>(State::offsetOf(observations[i].landmark), column) - position;
+      S.block<3, 3>(rowsOf(i), column).noalias() = observations[i].jacobian * way;
+    }
     S.block<3, 3>(column, column) += noise();
   }
-  mirrorLower(S);
   return S;
 }
 

@@ -21,4 +21,21 @@ void mirrorLower(Eigen::Ref<Eigen::MatrixXd> matrix) {
   }
 }
 
+void subtractSquare(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Ref<const Eigen::MatrixXd>& A) {
+  constexpr Eigen::Index kFew = 24; // columns, whose products cost less than mirroring the half of them
+  if (A.cols() <= kFew) {
+    P.noalias() -= A * A.transpose();
+  } else {
+    P.selfadjointView<Eigen::Lower>().rankUpdate(A, -1.0);
+    mirrorLower(P);
+  }
+}
+
+void mirrorBlocks(Eigen::Ref<Eigen::MatrixXd> matrix) {
+  for (Eigen::Index row = 0; row < matrix.rows(); row += 3) {
+    auto block = matrix.block<3, 3>(row, row);
+    block = Eigen::Matrix3d(block.selfadjointView<Eigen::Lower>());
+  }
+}
+
 } // namespace vi_ekf_slam::invariant

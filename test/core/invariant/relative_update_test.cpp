@@ -53,12 +53,13 @@ TEST(RelativeUpdate, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
     const State state = busyState(random, 10);
     const Measured measured(random, state, seen);
     const auto update = measured.update(state);
+    auto with_gain = update;
     ASSERT_TRUE(update);
     EXPECT_TRUE(update->isFinite());
     const Eigen::MatrixXd P = state.covariance();
     const Eigen::MatrixXd S = measured.dense * P * measured.dense.transpose() + noiseOf(measured.H.rows());
     const Eigen::MatrixXd K = P * measured.dense.transpose() * S.inverse();
-    EXPECT_LT(relativeDistance(update->transposedGain(), K.transpose()), 1e-9);
+    EXPECT_LT(relativeDistance(with_gain->transposedGain(), K.transpose()), 1e-9);
 
     Eigen::MatrixXd still = P;
     update->correct(still, {});

@@ -23,10 +23,10 @@ class RelativeUpdate {
   static std::optional<RelativeUpdate> make(const SparseRows& H, const Eigen::Matrix3d& noise,
                                             const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L);
 
-  bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
+  bool isFinite() const;
 
   /// K^T (rows x n).
-  Eigen::MatrixXd transposedGain() const;
+  Eigen::MatrixXd transposedGain();
 
   /// P <- T (P - K S K^T) T^T, where T re-expresses the landmarks' errors relative to the body, e_j - xi_p <-
   /// M_j (e_j - xi_p), or is the identity where M is empty.
@@ -51,7 +51,7 @@ class RelativeUpdate {
   std::vector<Seen> seen_;
   std::vector<Eigen::Index> others_; // each the first of three rows of the state; the position's come first
   Eigen::Matrix3d noise_;
-  Eigen::MatrixXd S_inverse_; // symmetric
+  Eigen::MatrixXd S_inverse_; // up to its 3x3 diagonal blocks; the whole once the gain was asked for
   Eigen::MatrixXd weighted_;  // of the others: P H^T L^-T
   Eigen::MatrixXd gain_;      // of the others: P H^T S^-1
 };

@@ -37,7 +37,8 @@ class StereoModel {
   /// P H^T, size() x (3 observations).
   Eigen::MatrixXd crossCovariance(const State& state, const std::vector<Observation>& observations) const;
 
-  /// S = H P H^T + noise, (3 observations) square, from PHt = crossCovariance.
+  /// S = H P H^T + noise, (3 observations) square, from PHt = crossCovariance: by 3x3 blocks,
+  /// its lower triangle alone.
   Eigen::MatrixXd innovationCovariance(const std::vector<Observation>& observations,
                                        const Eigen::MatrixXd& PHt) const;
 
