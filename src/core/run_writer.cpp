@@ -17,8 +17,11 @@ namespace fs = std::filesystem;
 /// printf into a string.
 template <typename... Args>
 std::string format(const char* pattern, Args... args) {
-  const int size = std::snprintf(nullptr, 0, pattern, args...);
-  std::string text(static_cast<std::size_t>(size) + 1, '\0');
+  std::string text(160, '\0'); // a line, mostly
+  const auto size = static_cast<std::size_t>(std::snprintf(text.data(), text.size(), pattern, args...));
+  const bool fits = size < text.size();
+  text.resize(size + (fits ? 0 : 1));
+  if (fits) return text;
   std::snprintf(text.data(), text.size(), pattern, args...);
   text.pop_back();
   return text;
