@@ -16,7 +16,7 @@ from vi_ekf_slam.consistency import chi_square_bounds
 from vi_ekf_slam.simulation import find_program
 
 CONFIG = os.path.join(ROOT, "config", "default.yaml")
-SEEDS = 20
+SEEDS = 14
 RARE = 3.29  # sigmas; one in a thousand lies outside
 
 

@@ -19,7 +19,7 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kSeeds = kSanitized ? 1 : 6;
+constexpr std::uint64_t kSeeds = kSanitized ? 1 : 4;
 
 /// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
 /// with their ids.
@@ -106,7 +106,7 @@ TEST(Relocalisation, FindsThePlaceWithAnHonestCovariance) {
 }
 
 TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {
-  for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 3); ++seed) {
+  for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
     // The same ids, of other points.
     const SecondLap lap = driveTheSecondLap(twoLaps(seed), mapOfTheFirstLap(twoLaps(seed + 100)));
     EXPECT_FALSE(lap.frames_before) << seed;
