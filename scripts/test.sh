@@ -20,18 +20,18 @@ rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
 # Beside the tests with a master, and with less right to the cores, since those have times to keep. In three, so that no
-# core waits for the other at the end; the fuzz targets, which take minutes to build, go before.
+# core waits for the other at the end.
 say "running the Python tests in the background"
 python_tests() {
-  nice -n "$1" "$python" -m pytest "${@:3}" -q -rs -p no:cacheprovider --junitxml="$results/$2.xml" >"$build/$2.log" 2>&1
+  nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
 }
 long=("$root"/test/python/test_{accuracy,consistency,degradation,real_drives,soak}.py)
 fuzz="$root/test/python/test_fuzz.py"
-python_tests 5 fuzz "$fuzz" &
+python_tests fuzz "$fuzz" &
 jobs=($!)
-python_tests 10 drives "${long[@]}" &
+python_tests long "${long[@]}" &
 jobs+=($!)
-python_tests 10 python "$root/test/python" "${long[@]/#/--ignore=}" --ignore="$fuzz" &
+python_tests python "$root/test/python" "${long[@]/#/--ignore=}" --ignore="$fuzz" &
 jobs+=($!)
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
@@ -42,7 +42,7 @@ EOF
 fi
 for job in "${jobs[@]}"; do wait "$job" || status=1; done
 say "Python tests"
-cat "$build/python.log" "$build/drives.log" "$build/fuzz.log"
+cat "$build/python.log" "$build/long.log" "$build/fuzz.log"
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"

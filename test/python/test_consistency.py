@@ -10,7 +10,7 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import HANG_S, ROOT
 
 from vi_ekf_slam.consistency import chi_square_bounds
 from vi_ekf_slam.simulation import find_program
@@ -29,7 +29,7 @@ def study(config, folder, *arguments, seeds=SEEDS):
     """Rows of seeds.csv and check_points.csv as columns {name: (N,)}, and the exit code."""
     command = [find_program("monte_carlo"), "--config", str(config), "--output", str(folder),
                "--seeds", str(seeds), "--quiet", *arguments]
-    done = subprocess.run(command, stderr=subprocess.PIPE, universal_newlines=True, timeout=600, check=False)
+    done = subprocess.run(command, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, check=False)
     assert done.returncode in (0, 3), done.stderr
     tables = []
     for name in ("seeds.csv", "check_points.csv"):

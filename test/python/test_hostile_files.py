@@ -11,7 +11,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import drive, program, script_path
+from conftest import HANG_S, drive, program, script_path
 from test_dataset import npy_header
 
 from vi_ekf_slam.bag_messages import LEFT_FRAME
@@ -25,7 +25,7 @@ def limited(command, stdin=None, limit=LIMIT):
     """The finished process of `command`, whose address space was limited."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", MALLOC_ARENA_MAX="1")
     return subprocess.run([str(part) for part in command], stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          universal_newlines=True, timeout=120, env=environment,
+                          universal_newlines=True, timeout=HANG_S, env=environment,
                           preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
 
 

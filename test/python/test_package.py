@@ -8,7 +8,7 @@ import sys
 
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import HANG_S, ROOT
 
 
 def read(*path):
@@ -22,7 +22,7 @@ def test_catkin_lint_is_clean(tmp_path):
     package.symlink_to(ROOT)
     environment = {key: value for key, value in os.environ.items() if key != "ROS_PACKAGE_PATH"}  # names the checkout
     done = subprocess.run(["catkin_lint", "--strict", "-W2", "--offline", str(package)], stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=120, env=environment)
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S, env=environment)
     assert done.returncode == 0, done.stdout
 
 

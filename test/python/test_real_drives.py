@@ -7,7 +7,7 @@ import re
 import subprocess
 
 import pytest
-from conftest import ROOT, data_file, program
+from conftest import HANG_S, ROOT, data_file, program
 
 
 # ATE in m, t_rel in %, r_rel in deg/100 m.
@@ -20,7 +20,7 @@ def test_dead_reckoning_has_the_known_error(script, tmp_path, name, reading, ate
     done = script("dataset_to_bag.py", dataset, bag, "--extrinsic", reading, "--truth", truth)
     assert done.returncode == 0, done.stderr
     config = os.path.join(ROOT, "config", "dead_reckoning.yaml")
-    subprocess.run([program("run_bag"), bag, "--config", config, "--output", run, "--quiet"], check=True, timeout=120)
+    subprocess.run([program("run_bag"), bag, "--config", config, "--output", run, "--quiet"], check=True, timeout=HANG_S)
     printed = script("plot_run.py", run, "--bag", bag).stdout
     figure = re.search(r"^dead reckoning: ATE (\S+) m \(left camera", printed, re.MULTILINE)
     assert figure and float(figure.group(1)) == pytest.approx(ate, rel=0.02), printed

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 import yaml
-from conftest import ROOT, is_png, program, script_path
+from conftest import HANG_S, ROOT, is_png, program, script_path
 
 from vi_ekf_slam import plotting
 from vi_ekf_slam.evaluation_report import ROWS, cell
@@ -27,7 +27,7 @@ NUMBERS = (1, 2, 4, 5, 7, 8)  # of the figures of 0022 and 0027
 
 def reproduce(*arguments):
     return subprocess.run([sys.executable, script_path("reproduce_paper.py")] + [str(a) for a in arguments],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=300)
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
 
 
 class Made:
@@ -126,7 +126,7 @@ def test_the_commands_on_the_page_give_the_numbers_on_the_page(made, tmp_path, m
     done = subprocess.run(["bash", "-e", "-c", rosrun + setting + "\n" + commands + " --no-plots"], cwd=str(tmp_path),
                           env=dict(os.environ, run_bag=program("run_bag"), python=sys.executable,
                                    scripts=os.path.join(ROOT, "scripts")),
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=120)
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 0, done.stdout
     evaluated = json.loads((tmp_path / ("0027_" + method) / "evaluation.json").read_text(encoding="utf-8"))
     written = made.numbers["drives"]["0027"][method]

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 
 import pytest
-from conftest import ROOT, script_path
+from conftest import HANG_S, ROOT, script_path
 
 PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node", "soak"]
 SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py", "load_test.py",
@@ -27,7 +27,7 @@ def devel_space():
 def rosrun(*arguments):
     """What it prints; nobody answers should it ask which of several is meant."""
     done = subprocess.run(["rosrun"] + list(arguments), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 0 and "[rosrun]" not in done.stdout, done.stdout
     return done.stdout
 
@@ -70,7 +70,7 @@ def test_a_script_does_not_use_a_python_that_happens_to_be_first_on_the_path(tmp
     other.write_text("#!/bin/sh\nexit 9\n")
     other.chmod(0o755)
     environment = dict(os.environ, PATH=str(tmp_path) + os.pathsep + os.environ["PATH"])
-    subprocess.run([script_path(name), "--help"], stdout=subprocess.DEVNULL, check=True, timeout=60, env=environment)
+    subprocess.run([script_path(name), "--help"], stdout=subprocess.DEVNULL, check=True, timeout=HANG_S, env=environment)
 
 
 def test_bin_holds_a_relative_link_to_each_program(space):

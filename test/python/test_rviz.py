@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rosbag
 import yaml
-from conftest import ROOT, script_path
+from conftest import HANG_S, ROOT, script_path
 from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_picture, share_hit
 
 from vi_ekf_slam.private_ros import child, ros_master
@@ -32,9 +32,9 @@ needs_rviz = pytest.mark.skipif(not has_rviz(), reason="NOT RUN: rviz's Python m
 
 
 def run(name, *arguments, env=None):
-    """A script as a process, with time for rviz to start on a busy machine. Returns the finished process."""
+    """A script as a process. Returns the finished process."""
     return subprocess.run(["/usr/bin/python3", script_path(name)] + [str(a) for a in arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, timeout=240, env=env)
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, env=env)
 
 
 def succeed(name, *arguments):
@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
     with ros_master(str(path)) as environment:
         done = subprocess.run(["roslaunch", "vi_ekf_slam", "slam.launch", "bag:=%s" % (path / "drive.bag"), "rate:=4",
                                "record:=true", "output_dir:=%s" % path], env=environment, stdout=subprocess.PIPE,
-                              stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=120)
+                              stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=HANG_S)
     assert done.returncode == 0 and (path / "outputs.bag").is_file(), done.stdout.decode()
     return path
 

@@ -3,14 +3,14 @@
 import re
 import subprocess
 
-from conftest import program
+from conftest import HANG_S, program
 
 
 def test_memory_does_not_grow_and_no_pose_is_missing(tmp_path):
     frames = 45000
     # As many features as a day's soak has: with fewer, the archive would not be full after the first hour.
     done = subprocess.run([program("soak"), "--frames", str(frames), "--output", str(tmp_path)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=600)
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 0, done.stdout
     assert "%d frames in" % frames in done.stdout and done.stdout.rstrip().endswith("0 problems"), done.stdout
     growth = float(re.search(r"([+-][\d.]+) % since the first hour", done.stdout).group(1))
@@ -20,6 +20,6 @@ def test_memory_does_not_grow_and_no_pose_is_missing(tmp_path):
 
 def test_says_what_it_does_not_understand():
     done = subprocess.run([program("soak"), "--frames", "0"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          universal_newlines=True, timeout=60)
+                          universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 1
     assert "--frames is '0', allowed: 1 to" in done.stdout
