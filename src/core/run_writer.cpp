@@ -19,11 +19,11 @@ template <typename... Args>
 std::string format(const char* pattern, Args... args) {
   std::string text(160, '\0'); // a line, mostly
   const auto size = static_cast<std::size_t>(std::snprintf(text.data(), text.size(), pattern, args...));
-  const bool fits = size < text.size();
-  text.resize(size + (fits ? 0 : 1));
-  if (fits) return text;
-  std::snprintf(text.data(), text.size(), pattern, args...);
-  text.pop_back();
+  if (size >= text.size()) {
+    text.resize(size + 1);
+    std::snprintf(text.data(), text.size(), pattern, args...);
+  }
+  text.resize(size);
   return text;
 }
 

@@ -60,7 +60,7 @@ RelativeUpdate::RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index>
     : seen_(std::move(seen)),
       others_(std::move(others)),
       noise_(noise),
-      S_inverse_(L),
+      S_inverse_(L.triangularView<Eigen::Lower>()),
       weighted_(rowsOf(others_.size()), L.cols()) {
   for (std::size_t i = 0; i < others_.size(); ++i)
     weighted_.middleRows<3>(rowsOf(i)) = PHt.middleRows<3>(others_[i]);
@@ -72,13 +72,6 @@ RelativeUpdate::RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index>
   invertLower(S_inverse_);
   squareLower(S_inverse_);
   mirrorBlocks(S_inverse_);
-}
-
-bool RelativeUpdate::isFinite() const {
-  for (Eigen::Index column = 0; column < S_inverse_.cols(); ++column) {
-    if (!S_inverse_.col(column).tail(S_inverse_.rows() - column).allFinite()) return false;
-  }
-  return gain_.allFinite();
 }
 
 /// Of a landmark that is seen, K = J^-1 (I - R S^-1) and the position's.

@@ -66,6 +66,9 @@ TEST(RelativeUpdate, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
     Eigen::MatrixXd expected = P - K * S * K.transpose();
     EXPECT_LT(relativeDistance(still, expected), 1e-9);
     EXPECT_EQ(distance(still, still.transpose()), 0.0);
+    Eigen::MatrixXd after_gain = P;
+    with_gain->correct(after_gain, {});
+    EXPECT_EQ(distance(after_gain, still), 0.0);
 
     std::vector<Eigen::Matrix3d> M;
     Eigen::MatrixXd T = Eigen::MatrixXd::Identity(P.rows(), P.cols());

@@ -23,7 +23,7 @@ class RelativeUpdate {
   static std::optional<RelativeUpdate> make(const SparseRows& H, const Eigen::Matrix3d& noise,
                                             const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L);
 
-  bool isFinite() const;
+  bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
 
   /// K^T (rows x n).
   Eigen::MatrixXd transposedGain();
