@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "exp_series.hpp"
 #include "numeric.hpp"
 #include "vi_ekf_slam/core/se3.hpp"
 #include "vi_ekf_slam/core/so3.hpp"

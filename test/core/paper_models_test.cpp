@@ -5,6 +5,7 @@
 
 #include "numeric.hpp"
 #include "paper_reference.hpp"
+#include "street.hpp"
 #include "vi_ekf_slam/core/paper/inverse_pose.hpp"
 #include "vi_ekf_slam/core/paper/observation.hpp"
 #include "vi_ekf_slam/core/so3.hpp"

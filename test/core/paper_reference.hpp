@@ -5,7 +5,7 @@
 #include <map>
 #include <vector>
 
-#include "numeric.hpp"
+#include "exp_series.hpp"
 #include "vi_ekf_slam/core/camera.hpp"
 #include "vi_ekf_slam/core/config.hpp"
 #include "vi_ekf_slam/core/measurement.hpp"
@@ -18,14 +18,6 @@ namespace vi_ekf_slam::test {
 using Real = long double;
 using Vec = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using Mat = LongMatrix;
-
-inline SE3 noseToOptical() {
-  Eigen::Matrix3d R; // the IMU looks along x, the camera along z
-  R << 0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0;
-  return {R, {0.05, -0.1, 0.2}};
-}
-
-inline StereoRig exampleRig() { return {{718.0, 552.0, 607.0, 185.0, 0.54}, noseToOptical()}; }
 
 /// Equation 12, u^wedge.
 inline Mat hat4(const Vec& u) {
@@ -165,55 +157,5 @@ class DenseFilter {
   PaperConfig config_;
   bool pose_is_known_;
 };
-
-/// A drive along a street of landmarks: they come into view ahead and leave it beside the vehicle.
-class Street {
- public:
-  Street(unsigned seed, int landmarks) : random_(seed) {
-    for (int i = 0; i < landmarks; ++i) {
-      points_.emplace_back(random_.uniform(4.0, 40.0), random_.uniform(-8.0, 8.0),
-                           random_.uniform(-1.5, 3.0));
-    }
-  }
-
-  /// What the pair sees from `world_T_imu`, each pixel off by up to `noise`.
-  StereoFrame frame(Stamp stamp, const SE3& world_T_imu, double noise) {
-    const StereoRig rig = exampleRig();
-    const SE3 cam_T_world = rig.cam_T_imu * world_T_imu.inverse();
-    StereoFrame frame;
-    frame.stamp = stamp;
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Eigen::Vector3d p = cam_T_world * points_[i];
-      if (p.z() < 2.0 || p.z() > 15.0) continue;
-      const StereoPixels z = rig.camera.project(p);
-      if (z[0] < 0.0 || z[0] > 1240.0 || z[2] < 0.0 || z[1] < 0.0 || z[1] > 370.0) continue;
-      frame.features.push_back({static_cast<FeatureId>(i), z + random_.vector<4>(-noise, noise)});
-    }
-    return frame;
-  }
-
-  const std::vector<Eigen::Vector3d>& points() const { return points_; }
-
- private:
-  Random random_;
-  std::vector<Eigen::Vector3d> points_;
-};
-
-/// 2 m/s ahead in a gentle turn with some sway.
-inline Vector6d streetTwist(double t) {
-  Vector6d u;
-  u << 2.0, 0.1 * std::sin(t), 0.05, 0.02, 0.03 * std::cos(2.0 * t), 0.1;
-  return u;
-}
-
-/// The paper's filter with noises at which the camera counts.
-inline PaperConfig sharpConfig(PaperMode mode) {
-  PaperConfig config;
-  config.mode = mode;
-  config.pixel_noise = 4.0;
-  config.prior_landmark_variance = 2.0;
-  config.landmark_fraction = 1.0;
-  return config;
-}
 
 } // namespace vi_ekf_slam::test

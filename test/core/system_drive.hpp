@@ -5,8 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "numeric.hpp"
-#include "paper_reference.hpp"
+#include "street.hpp"
 #include "vi_ekf_slam/core/slam_system.hpp"
 
 /// Drives for SlamSystem, and what it tells its listeners.

@@ -20,9 +20,9 @@ TEST(InvariantState, CorrectsAsTheTextbookDoes) {
     const Update update = updateOf(state, H, R);
     const Correction correction(update.PHt, update.S, innovation);
     ASSERT_TRUE(state.apply(correction));
-    EXPECT_NEAR(correction.nis(), innovation.dot(update.S.inverse() * innovation), 1e-12);
+    EXPECT_NEAR(correction.nis(), innovation.dot(inverseOf(update.S) * innovation), 1e-12);
 
-    const Eigen::MatrixXd K = P * H.transpose() * update.S.inverse();
+    const Eigen::MatrixXd K = P * H.transpose() * inverseOf(update.S);
     const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(P.rows(), P.cols()) - K * H;
     const Eigen::MatrixXd expected = I_KH * P * I_KH.transpose() + K * R * K.transpose();
     EXPECT_LT(relativeDistance(state.covariance(), expected), 1e-11);
@@ -44,7 +44,7 @@ TEST(InvariantState, RetractionIsTheErrorsToFirstOrder) {
       const Eigen::MatrixXd H = 0.3 * randomMatrix(random, 6, state.size());
       const Update update = updateOf(state, H, Matrix6d::Identity());
       const Vector6d innovation = size * random.vector<6>(-1.0, 1.0);
-      const Eigen::VectorXd error = update.PHt * update.S.inverse() * innovation;
+      const Eigen::VectorXd error = update.PHt * inverseOf(update.S) * innovation;
       ASSERT_TRUE(state.apply(Correction(update.PHt, update.S, innovation), camera));
       const Eigen::VectorXd made = errorOf(meanOf(state), meanOf(start));
       EXPECT_LT(distance(made, error), 20.0 * error.squaredNorm());

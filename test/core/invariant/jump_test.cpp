@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/invariant/jump.hpp"
 
-#include "../paper_reference.hpp"
 #include "states.hpp"
 
 namespace vi_ekf_slam::invariant {

@@ -1,6 +1,6 @@
 #include "vi_ekf_slam/core/invariant/relative_update.hpp"
 
-#include <Eigen/LU>
+#include <Eigen/Cholesky>
 
 #include "states.hpp"
 
@@ -58,7 +58,7 @@ TEST(RelativeUpdate, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
     EXPECT_TRUE(update->isFinite());
     const Eigen::MatrixXd P = state.covariance();
     const Eigen::MatrixXd S = measured.dense * P * measured.dense.transpose() + noiseOf(measured.H.rows());
-    const Eigen::MatrixXd K = P * measured.dense.transpose() * S.inverse();
+    const Eigen::MatrixXd K = P * measured.dense.transpose() * inverseOf(S);
     EXPECT_LT(relativeDistance(with_gain->transposedGain(), K.transpose()), 1e-9);
 
     Eigen::MatrixXd still = P;

@@ -51,7 +51,7 @@ TEST_P(Triangular, SquareIsTheProductOfTheTransposeAndTheMatrix) {
 TEST_P(Triangular, LowerProductIsAddedAndNothingAbove) {
   Random random(3);
   const Eigen::Index size = GetParam();
-  const Eigen::MatrixXd A = randomMatrix(random, size, 20), B = A * random.covariance<20>();
+  const Eigen::MatrixXd A = randomMatrix(random, size, 20), B = A * randomMatrix(random, 20, 20);
   const Eigen::MatrixXd before = lowerOf(random, size);
   Eigen::MatrixXd C = before;
   addLowerProduct(C, B, A.transpose());
