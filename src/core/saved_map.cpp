@@ -17,7 +17,7 @@ constexpr double kRotationRounding = 1e-6; // largest element of R^T R - I
 constexpr double kLatest = 4294967294.0;   // s, what a message's stamp can hold
 constexpr double kSymmetry = 1e-9;         // of the standard deviations of row and column
 // Of a correlation matrix's eigenvalues: what rounding leaves of exact zeros after a long drive.
-constexpr double kRounding = 1e-8;
+constexpr double kCorrelationRounding = 1e-8;
 
 std::string text(double value) {
   char buffer[32];
@@ -65,7 +65,7 @@ void validateEntries(const Eigen::MatrixXd& P, const std::string& source) {
   for (Eigen::Index column = 0; column < P.cols(); ++column) {
     for (Eigen::Index row = column + 1; row < P.rows(); ++row) {
       const double most = sigma[row] * sigma[column];
-      if (!(std::abs(P(row, column)) <= (1.0 + kRounding) * most))
+      if (!(std::abs(P(row, column)) <= (1.0 + kCorrelationRounding) * most))
         refuse(source, entry(row, column), text(P(row, column)),
                "at most " + text(most) + ", as the diagonal has it");
       if (!(std::abs(P(row, column) - P(column, row)) <= kSymmetry * most))
@@ -84,7 +84,7 @@ void validateDefinite(const Eigen::MatrixXd& P, const std::string& source) {
     correlation.col(column).tail(below) =
         scale[column] * scale.tail(below).cwiseProduct(P.col(column).tail(below));
   }
-  correlation.diagonal().setConstant(1.0 + kRounding);
+  correlation.diagonal().setConstant(1.0 + kCorrelationRounding);
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(correlation);
   if (llt.info() != Eigen::Success)
     refuse(source, "covariance", "not positive semidefinite",

@@ -1,10 +1,11 @@
 #include "vi_ekf_slam/core/slam_system.hpp"
 
-#include <Eigen/Cholesky>
 #include <chrono>
 #include <cmath>
 #include <string>
 #include <utility>
+
+#include "vi_ekf_slam/core/gaussian.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -19,7 +20,7 @@ Fault faultOf(const Eigen::Vector3d& value, double max_norm,
   if (!covariance->allFinite()) return Fault::kBadCovariance;
   const Eigen::Matrix3d& C = *covariance;
   const double asymmetry = (C - C.transpose()).cwiseAbs().maxCoeff();
-  const bool good = asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && C.llt().info() == Eigen::Success;
+  const bool good = asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && isPositiveDefinite(C);
   return good ? Fault::kNone : Fault::kBadCovariance;
 }
 

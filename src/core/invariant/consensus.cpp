@@ -1,7 +1,8 @@
 #include "vi_ekf_slam/core/invariant/consensus.hpp"
 
-#include <Eigen/Cholesky>
 #include <cstddef>
+
+#include "vi_ekf_slam/core/gaussian.hpp"
 
 namespace vi_ekf_slam::invariant {
 
@@ -12,7 +13,7 @@ std::vector<bool> largestConsensus(const std::vector<Observation>& observations,
   std::vector<Eigen::Vector3d> weighted(count);
   for (std::size_t h = 0; h < count; ++h) {
     const Eigen::Matrix3d own = S.block<3, 3>(rowsOf(h), rowsOf(h));
-    weighted[h] = own.llt().solve(observations[h].innovation);
+    weighted[h] = solvePositive(own, observations[h].innovation);
   }
   // Column h: what is left of each observation after h's update, px^2.
   Eigen::MatrixXd residual(count, count);

@@ -1,9 +1,9 @@
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/core/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
 #include "vi_ekf_slam/core/invariant/consensus.hpp"
 #include "vi_ekf_slam/core/invariant/twist_update.hpp"
@@ -99,7 +99,7 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
   std::vector<double> nis(observations.size());
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const auto row = 3 * static_cast<Eigen::Index>(i);
-    nis[i] = normalisedInnovationSquared(observations[i], S.block<3, 3>(row, row));
+    nis[i] = squaredMahalanobis(observations[i].innovation, S.block<3, 3>(row, row));
     if (!(nis[i] < config_.plausible_gate)) continue;
     outcome.nis += nis[i];
     outcome.nis_dof += 3;
@@ -113,8 +113,8 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
     return std::nullopt;
   // What moves with the camera (a lorry that fills the view) agrees with itself, but not with the twist.
   const Vector6d twist = correction.error().segment<6>(kTwist);
-  const Eigen::LLT<Matrix6d> twist_covariance(state.covariance().block<6, 6>(kTwist, kTwist));
-  if (!(twist.dot(twist_covariance.solve(twist)) <= config_.motion_gate)) return std::nullopt;
+  const Matrix6d twist_covariance = state.covariance().block<6, 6>(kTwist, kTwist);
+  if (!(squaredMahalanobis(twist, twist_covariance) <= config_.motion_gate)) return std::nullopt;
   return Plan{std::move(outcome), std::move(correction)};
 }
 
@@ -148,7 +148,7 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
   std::vector<bool> passes(again.size());
   for (std::size_t i = 0; i < again.size(); ++i) {
     const auto row = 3 * static_cast<Eigen::Index>(i);
-    passes[i] = normalisedInnovationSquared(again[i], S.block<3, 3>(row, row)) < config_.gate;
+    passes[i] = squaredMahalanobis(again[i].innovation, S.block<3, 3>(row, row)) < config_.gate;
   }
   if (std::count(passes.begin(), passes.end(), true) == 0) return;
   if (!state.apply(correctionBy(again, passes, std::move(PHt), std::move(S), model_.noise()),

@@ -310,10 +310,14 @@ std::vector<InactiveLandmark> InactiveMap::estimates(Eigen::Index size, Covarian
   std::size_t next = result.size();
   CorrectionSweep means(size);
   InformationSweep spreads(exact ? size : 0);
-  const auto estimate = [&](const Landmark& landmark, const Eigen::Matrix3d& covariance, const auto& cross) {
+  const auto estimate = [&](const Landmark& landmark, const Eigen::Matrix3d& covariance,
+                            const Eigen::Ref<const Columns3>& cross) {
     InactiveLandmark l{landmark, covariance};
     l.landmark.position += cross.transpose() * means.correction();
-    if (exact) l.covariance -= cross.transpose() * (spreads.information() * cross);
+    if (exact) {
+      const Columns3 informed = spreads.information() * cross;
+      l.covariance.noalias() -= cross.transpose() * informed;
+    }
     return l;
   };
   const auto goBack = [&](const Chunk& chunk) {

@@ -1,20 +1,20 @@
 #include "vi_ekf_slam/core/invariant/jump.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <random>
 
+#include "vi_ekf_slam/core/gaussian.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr std::size_t kFewest = 6; // points that agree; three fit almost any motion
-constexpr double kShare = 0.6;     // of the points, that agree
-constexpr double kBound = 13.93;   // chi-square, 3 degrees of freedom, 99.7 %
+constexpr std::size_t kFewest = 6;     // points that agree; three fit almost any motion
+constexpr double kShareOfPoints = 0.6; // of the points, that agree
+constexpr double kBound = 13.93;       // chi-square, 3 degrees of freedom, 99.7 %
 constexpr int kTries = 60; // of three points; with a third of them wrong, 1 in 10^9 has none that are right
 constexpr int kSteps = 4;  // of Gauss and Newton
 
@@ -44,16 +44,15 @@ std::optional<SE3> fit(const std::vector<Weighted>& points, const Indices& chose
       information += JtW * J;
       gradient += JtW * (points[i].point.expected - c - t - turned);
     }
-    const Eigen::LDLT<Matrix6d> ldlt(information);
-    const Vector6d delta = ldlt.solve(gradient);
-    if (ldlt.info() != Eigen::Success || !delta.allFinite()) return std::nullopt;
+    const Vector6d delta = solvePositive(information, gradient);
+    if (!delta.allFinite()) return std::nullopt;
     t += delta.head<3>();
     R = so3::Exp(delta.tail<3>()) * R;
   }
   return SE3(R, c + t - R * c).normalized();
 }
 
-Indices agreeing(const std::vector<Weighted>& points, const SE3& motion) {
+Indices agreeingWith(const std::vector<Weighted>& points, const SE3& motion) {
   Indices indices;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const Eigen::Vector3d residual = points[i].point.expected - motion * points[i].point.seen;
@@ -65,12 +64,13 @@ Indices agreeing(const std::vector<Weighted>& points, const SE3& motion) {
 } // namespace
 
 std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
-  const auto share = static_cast<std::size_t>(std::ceil(kShare * static_cast<double>(points.size())));
+  const auto share = static_cast<std::size_t>(std::ceil(kShareOfPoints * static_cast<double>(points.size())));
   const std::size_t enough = std::max(kFewest, share);
   if (points.size() < enough) return std::nullopt;
   std::vector<Weighted> weighted;
   for (const Displaced& point : points) {
-    weighted.push_back({point, point.covariance.llt().solve(Eigen::Matrix3d::Identity())});
+    weighted.push_back(
+        {point, solvePositive(point.covariance, Eigen::Matrix3d(Eigen::Matrix3d::Identity()))});
   }
   // The nearer half decides: distant points know nothing of a shift.
   Indices order(points.size());
@@ -85,14 +85,14 @@ std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
     for (std::size_t k = 0; k < 3; ++k) std::swap(order[k], order[k + random() % (order.size() - k)]);
     const auto motion = fit(weighted, {order[0], order[1], order[2]});
     if (!motion) continue;
-    Indices agree = agreeing(weighted, *motion);
+    Indices agree = agreeingWith(weighted, *motion);
     if (agree.size() > best.size()) best = std::move(agree);
   }
   std::optional<SE3> motion;
   for (int i = 0; i < 3 && best.size() >= 3; ++i) {
     motion = fit(weighted, best);
     if (!motion) return std::nullopt;
-    best = agreeing(weighted, *motion);
+    best = agreeingWith(weighted, *motion);
   }
   return best.size() >= enough ? motion : std::nullopt;
 }

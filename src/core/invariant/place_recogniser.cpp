@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/invariant/place_recogniser.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include <random>
 #include <tuple>
 
+#include "vi_ekf_slam/core/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/point_grid.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
@@ -67,7 +67,7 @@ class Gate {
     Eigen::Matrix3d S = J * covariance_ * J.transpose();
     S.diagonal().array() += kTolerance * kTolerance;
     const Eigen::Vector3d d = before - now;
-    return d.dot(S.llt().solve(d)) < kGate2;
+    return squaredMahalanobis(d, S) < kGate2;
   }
 
   bool allows(const SE3& before_T_now) const {
@@ -76,7 +76,7 @@ class Gate {
     Matrix6d S = covariance_;
     S.diagonal().head<3>().array() += kTolerance * kTolerance;
     S.diagonal().tail<3>().array() += 1e-4;
-    return d.dot(S.llt().solve(d)) < 16.812; // 6 degrees of freedom, 99 %
+    return squaredMahalanobis(d, S) < 16.812; // 6 degrees of freedom, 99 %
   }
 
   /// Whether two matches can both be right: the same distance, and turned no more than the pose may be.

@@ -18,14 +18,6 @@ constexpr double kDoubtfulRotation = 0.1; // rad
 constexpr double kAnyAngle = 1.8;         // rad, standard deviation of an angle that may be any
 constexpr double kNegligible = 1e-9;      // of a correlation matrix's eigenvalues
 
-/// 3x3 of a landmark's error relative to the body's position, e - xi_p.
-Eigen::Matrix3d fromBody(const State& state, std::size_t landmark) {
-  const auto P = state.covariance();
-  const Eigen::Index i = State::offsetOf(landmark);
-  const Eigen::Matrix3d cross = P.block<3, 3>(i, kPosition);
-  return P.block<3, 3>(i, i) + P.block<3, 3>(kPosition, kPosition) - cross - cross.transpose();
-}
-
 } // namespace
 
 /// Whether all is finite and no variance negative; `thoroughly`: and the base's covariance positive
@@ -42,9 +34,9 @@ bool InvariantEstimator::isSound(bool thoroughly) const {
   if (!thoroughly) return true;
   using Base = Eigen::Matrix<double, kLandmarks, 1>;
   const Base scale = base.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
-  Eigen::Matrix<double, kLandmarks, kLandmarks> correlation = scale.asDiagonal() * base * scale.asDiagonal();
+  Eigen::MatrixXd correlation = scale.asDiagonal() * base * scale.asDiagonal();
   correlation.diagonal() = Base::Constant(1.0 + kNegligible);
-  return Eigen::LLT<Eigen::Matrix<double, kLandmarks, kLandmarks>>(correlation).info() == Eigen::Success;
+  return Eigen::LLT<Eigen::MatrixXd>(correlation).info() == Eigen::Success;
 }
 
 /// Remembers what is sound, and goes back to it from what is not.
@@ -101,7 +93,7 @@ std::vector<Displaced> InvariantEstimator::displacedPoints(
     const auto sighting = model_->triangulate(state_, frame.features[o.feature].pixels, config_.max_depth_m);
     if (!sighting) continue;
     points.push_back({state_.landmarks()[o.landmark].position, sighting->position,
-                      sighting->covariance + fromBody(state_, o.landmark)});
+                      sighting->covariance + state_.relativeCovariance(State::offsetOf(o.landmark))});
   }
   return points;
 }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/jump.hpp"
 #include "vi_ekf_slam/core/invariant/saved_joint.hpp"
@@ -15,18 +16,16 @@ namespace vi_ekf_slam::invariant {
 namespace {
 
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view
-constexpr std::size_t kLeastPoints = 6, kMostPoints = 100;
+constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
-constexpr int kFramesBetween = 5;          // attempts
+constexpr int kFramesBetweenTries = 5;     // attempts
 constexpr int kFramesBetweenFailures = 50; // of the costly part
 constexpr double kCornerSigma = 0.05;      // m, by which a front end finds a corner elsewhere another time
 constexpr double kCompatible = 11.345;     // chi-square, 3 degrees of freedom, 99 %
-constexpr double kShare = 0.6;             // of the matches, that must agree
-constexpr double kLeastSpread = 0.5;       // m, of the points beside the line that they are nearest to
+constexpr double kShareOfMatches = 0.6;    // of the matches, that must agree
+constexpr double kLeastWidth = 0.5;        // m, of the points beside the line that they are nearest to
 // Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
 constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
-
-using Rigid = Eigen::Matrix<double, Eigen::Dynamic, 6>;
 
 Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
@@ -35,9 +34,9 @@ Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
 }
 
 /// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
-Rigid rigidMotions(const std::vector<Eigen::Vector3d>& points) {
+Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);
-  Rigid G(3 * static_cast<Eigen::Index>(points.size()), 6);
+  Eigen::MatrixXd G(3 * static_cast<Eigen::Index>(points.size()), 6);
   for (std::size_t i = 0; i < points.size(); ++i)
     G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(),
         -so3::hat(points[i] - centre);
@@ -48,10 +47,13 @@ Rigid rigidMotions(const std::vector<Eigen::Vector3d>& points) {
 /// those of large weight, of their joint covariance C (3n x 3n): of (I - G (G^T W G)^-1 G^T W) C (...)^T.
 std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C,
                                               const Eigen::VectorXd& weights) {
-  const Rigid G = rigidMotions(points), WG = weights.asDiagonal() * G;
-  const Rigid A = Matrix6d(G.transpose() * WG).ldlt().solve(G.transpose()).transpose();
-  C -= (A * (WG.transpose() * C)).eval();
-  C -= ((C * WG) * A.transpose()).eval();
+  const Eigen::MatrixXd G = rigidMotions(points), WG = weights.asDiagonal() * G;
+  const Eigen::MatrixXd information = G.transpose() * WG;
+  const Eigen::MatrixXd A = information.llt().solve(G.transpose()).transpose();
+  const Eigen::MatrixXd GWC = WG.transpose() * C;
+  C.noalias() -= A * GWC;
+  const Eigen::MatrixXd CWG = C * WG;
+  C.noalias() -= CWG * A.transpose();
   std::vector<Eigen::Matrix3d> own;
   for (Eigen::Index row = 0; row < C.rows(); row += 3) {
     const Eigen::Matrix3d block = C.block<3, 3>(row, row);
@@ -116,7 +118,7 @@ std::optional<SE3> roughAlignment(const Matches& m) {
 /// S^-1 innovation, what one of them is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1
 /// r_i.
 void keepCompatible(Matches& m, SE3& there_T_here) {
-  while (m.ids.size() >= kLeastPoints) {
+  while (m.ids.size() >= kLeastMatches) {
     const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
     std::vector<Eigen::Vector3d> moved;
     Eigen::VectorXd innovation(n);
@@ -131,10 +133,10 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
         S.block<3, 3>(i, j) += R * m.covariance_here.block<3, 3>(i, j) * R.transpose();
     }
     S.diagonal().array() += kCornerSigma * kCornerSigma;
-    const Rigid G = rigidMotions(moved);
+    const Eigen::MatrixXd G = rigidMotions(moved);
     Vector6d any;
     any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
-    const Rigid prior = G * any.cwiseAbs2().asDiagonal();
+    const Eigen::MatrixXd prior = G * any.cwiseAbs2().asDiagonal();
     S.noalias() += prior * G.transpose();
     const Eigen::MatrixXd inverse = S.llt().solve(Eigen::MatrixXd::Identity(n, n));
     const Eigen::VectorXd r = inverse * innovation;
@@ -144,7 +146,7 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
     for (std::size_t i = 0; i < m.ids.size(); ++i) {
       const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
       const Eigen::Vector3d own = r.segment<3>(row);
-      const double chi_square = own.dot(inverse.block<3, 3>(row, row).llt().solve(own));
+      const double chi_square = squaredMahalanobis(own, inverse.block<3, 3>(row, row));
       if (chi_square > most) {
         most = chi_square;
         worst = i;
@@ -162,22 +164,13 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
   }
 }
 
-/// 3x3 of a landmark's error relative to the body's position, e - xi_p, for the landmark whose rows begin at
-/// `row`.
-Eigen::Matrix3d fromBody(const State& state, Eigen::Index row) {
-  const auto P = state.covariance();
-  const Eigen::Matrix3d cross = P.block<3, 3>(row, kPosition);
-  return P.block<3, 3>(row, row) + P.block<3, 3>(kPosition, kPosition) - cross - cross.transpose();
-}
-
 /// Whether the points tell how they are turned: they are not all near one line.
 bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : points)
     scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] >
-         kLeastSpread * kLeastSpread;
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastWidth * kLeastWidth;
 }
 
 } // namespace
@@ -195,10 +188,10 @@ void InvariantEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
 /// tried.
 void InvariantEstimator::relocalise(FrameReport& report) {
   if (--loaded_->frames_until_attempt > 0) return;
-  loaded_->frames_until_attempt = kFramesBetween;
+  loaded_->frames_until_attempt = kFramesBetweenTries;
   SE3 map_T_session;
   const std::vector<FeatureId> ids = agreeingWithMap(map_T_session);
-  if (ids.size() < kLeastPoints) return;
+  if (ids.size() < kLeastMatches) return;
   if (!moveIntoMap(map_T_session, ids)) {
     loaded_->frames_until_attempt = kFramesBetweenFailures;
     return;
@@ -225,20 +218,21 @@ std::vector<FeatureId> InvariantEstimator::agreeingWithMap(SE3& map_T_session) c
     rows_there.push_back(State::offsetOf(known->second));
   }
   const std::size_t matches = m.ids.size();
-  if (matches < kLeastPoints) return {};
+  if (matches < kLeastMatches) return {};
   m.covariance_here = blocksOf(state_.covariance(), rows_here);
   m.covariance_there = blocksOf(map.covariance, rows_there);
   m.weights.resize(3 * static_cast<Eigen::Index>(matches));
   for (std::size_t i = 0; i < matches; ++i) {
-    const double variance = fromBody(state_, rows_here[i]).trace() / 3.0 + kCornerSigma * kCornerSigma;
+    const double variance =
+        state_.relativeCovariance(rows_here[i]).trace() / 3.0 + kCornerSigma * kCornerSigma;
     m.weights.segment<3>(3 * static_cast<Eigen::Index>(i)).setConstant(1.0 / variance);
   }
   const auto motion = roughAlignment(m);
   if (!motion) return {};
   map_T_session = *motion;
   keepCompatible(m, map_T_session);
-  const bool enough = m.ids.size() >= kLeastPoints &&
-                      static_cast<double>(m.ids.size()) >= kShare * static_cast<double>(matches);
+  const bool enough = m.ids.size() >= kLeastMatches &&
+                      static_cast<double>(m.ids.size()) >= kShareOfMatches * static_cast<double>(matches);
   return enough && spanAPlane(m.there) ? m.ids : std::vector<FeatureId>();
 }
 

@@ -72,8 +72,7 @@ void State::displace(const SE3& motion, const Matrix6d& covariance) {
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     G.block<3, 3>(offsetOf(i), 3) = so3::hat(landmarks_[i].position);
   }
-  covariance_.topLeftCorner(size(), size()).noalias() += G * covariance * G.transpose();
-  mirrorLower(covariance_.topLeftCorner(size(), size()));
+  addSquare(G, covariance);
 }
 
 /// P += [G cov(dnu) G^T and its cross terms] for a twist error that is `cross` (all errors with dnu) and
@@ -268,6 +267,11 @@ void State::loosen(const Matrix6d& noise) {
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     if (!landmarks_[i].anchored) G.middleRows<3>(offsetOf(i)).leftCols<3>().setIdentity();
   }
+  addSquare(G, noise);
+}
+
+/// P += G noise G^T.
+void State::addSquare(const Columns6& G, const Matrix6d& noise) {
   const Columns6 moved = G * noise;
   auto P = covariance_.topLeftCorner(size(), size());
   P.noalias() += moved * G.transpose();
@@ -282,6 +286,12 @@ Matrix6d alongWorldAxes(const Matrix6d& covariance, const Eigen::Vector3d& posit
 
 Matrix6d State::poseCovariance() const {
   return alongWorldAxes(covariance_.topLeftCorner<6, 6>(), pose_.translation());
+}
+
+Eigen::Matrix3d State::relativeCovariance(Eigen::Index row) const {
+  const Eigen::Matrix3d cross = covariance_.block<3, 3>(row, kPosition);
+  return covariance_.block<3, 3>(row, row) + covariance_.block<3, 3>(kPosition, kPosition) - cross -
+         cross.transpose();
 }
 
 Eigen::Matrix3d State::landmarkCovariance(std::size_t index) const {

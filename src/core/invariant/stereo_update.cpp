@@ -1,7 +1,5 @@
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
 
-#include <Eigen/Cholesky>
-
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -68,10 +66,6 @@ std::optional<StereoModel::Sighting> StereoModel::triangulate(const State& state
   const Eigen::Matrix<double, 3, 4> J =
       pixel_sigma_ * world_T_cam.rotation() * rig_.camera.triangulateJacobian(pixels);
   return Sighting{world_T_cam * *q, J * J.transpose()};
-}
-
-double normalisedInnovationSquared(const Observation& observation, const Eigen::Matrix3d& S) {
-  return observation.innovation.dot(S.llt().solve(observation.innovation));
 }
 
 Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/core/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -20,16 +21,18 @@ Eigen::Index rowOf(std::size_t twin) { return 3 * static_cast<Eigen::Index>(twin
 /// The twins that agree, each by itself and once `h` is believed.
 std::vector<bool> agreeing(const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation, std::size_t h) {
   const Eigen::Index column = rowOf(h);
-  const Eigen::LLT<Eigen::Matrix3d> own(S.block<3, 3>(column, column));
-  const Eigen::Vector3d weighted = own.solve(innovation.segment<3>(column));
+  const Eigen::Matrix3d own = S.block<3, 3>(column, column);
+  const Eigen::Vector3d own_innovation = innovation.segment<3>(column);
+  const Eigen::Vector3d weighted = solvePositive(own, own_innovation);
   std::vector<bool> agrees(static_cast<std::size_t>(S.rows() / 3), false);
-  if (!(innovation.segment<3>(column).dot(weighted) < kCommonGate)) return agrees;
+  if (!(own_innovation.dot(weighted) < kCommonGate)) return agrees;
   for (std::size_t j = 0; j < agrees.size(); ++j) {
     const Eigen::Index row = rowOf(j);
     const Eigen::Matrix3d cross = S.block<3, 3>(row, column);
     const Eigen::Vector3d left = innovation.segment<3>(row) - cross * weighted;
-    const Eigen::Matrix3d covariance = S.block<3, 3>(row, row) - cross * own.solve(cross.transpose());
-    agrees[j] = j == h || left.dot(covariance.llt().solve(left)) < kGate;
+    const Eigen::Matrix3d covariance =
+        S.block<3, 3>(row, row) - cross * solvePositive(own, Eigen::Matrix3d(cross.transpose()));
+    agrees[j] = j == h || squaredMahalanobis(left, covariance) < kGate;
   }
   return agrees;
 }

@@ -175,11 +175,14 @@ class State {
   Matrix6d poseCovariance() const;
   /// 3x3 of the landmark's position error along the world axes: e - [m]x xi_R.
   Eigen::Matrix3d landmarkCovariance(std::size_t index) const;
+  /// 3x3 of its error relative to the body's position, e - xi_p, of the landmark whose rows begin at `row`.
+  Eigen::Matrix3d relativeCovariance(Eigen::Index row) const;
 
  private:
   using Columns6 = Eigen::Matrix<double, Eigen::Dynamic, 6>;
 
   Columns6 twistInfluence(double dt, const SE3& start) const;
+  void addSquare(const Columns6& G, const Matrix6d& noise);
   void addTwistNoise(const Columns6& G, double dt, const ProcessNoise& noise, const Columns6& cross_start,
                      const Matrix6d& twist_covariance);
   std::vector<Eigen::Matrix3d> retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);

@@ -60,10 +60,6 @@ class StereoModel {
   double min_depth_m_;
 };
 
-/// Chi-square with 3 degrees of freedom of one observation with innovation covariance `S`; not a number where
-/// `S` is not positive definite.
-double normalisedInnovationSquared(const Observation& observation, const Eigen::Matrix3d& S);
-
 /// The innovations of all observations, one after the other.
 Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations);
 

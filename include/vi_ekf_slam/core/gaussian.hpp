@@ -1,0 +1,23 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "vi_ekf_slam/core/types.hpp"
+
+/// Small normal distributions. Eigen's factorisations take long to compile: here they are once for all.
+namespace vi_ekf_slam {
+
+/// S^-1 b; not a number where S is not positive definite.
+Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b);
+Eigen::Matrix3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Matrix3d& B);
+Vector6d solvePositive(const Matrix6d& S, const Vector6d& b);
+
+/// e^T S^-1 e, the squared Mahalanobis distance of an error e of covariance S: chi-square distributed with as
+/// many degrees of freedom as e has. Not a number where S is not positive definite.
+double squaredMahalanobis(const Eigen::Vector3d& e, const Eigen::Matrix3d& S);
+double squaredMahalanobis(const Vector6d& e, const Matrix6d& S);
+
+/// Whether S, of which the lower triangle is read, is positive definite.
+bool isPositiveDefinite(const Eigen::Matrix3d& S);
+
+} // namespace vi_ekf_slam
