@@ -51,12 +51,17 @@ def make_parser():
     return parser
 
 
-def degraded(options):
-    """(dataset, ids, truth) that the parsed options describe."""
-    dataset = load_dataset(options.input)
+def load_drive(path, truth_path):
+    """(dataset, ids, truth) of a drive as it is, cut to where its truth ends."""
+    dataset = load_dataset(path)
     ids = assign_ids(dataset.features, dataset.seen).ids
-    truth = load_truth(options.truth, dataset.stamps, dataset.cam_T_imu)
-    dataset, ids = degradation.cut_to(dataset, ids, len(truth[0]))
+    truth = load_truth(truth_path, dataset.stamps, dataset.cam_T_imu)
+    return degradation.cut_to(dataset, ids, len(truth[0])) + (truth,)
+
+
+def degraded(options, drive):
+    """(dataset, ids, truth) that the parsed options make of a drive that load_drive read, which stays as it is."""
+    dataset, ids, truth = drive
     if options.good_twist:
         dataset = degradation.good_twist(dataset, truth, options.velocity_sigma, options.gyro_sigma, options.seed)
     frames = degradation.keep_tracks(degradation.frames_of(dataset, ids), options.every)
@@ -87,10 +92,10 @@ def check(options):
     check_output(options.output, options.input)
 
 
-def write(options):
-    """Do what the parsed options ask; InputError when something is refused."""
+def write(options, drive=None):
+    """Do what the parsed options ask; InputError when something is refused. drive: what load_drive gives for them."""
     check(options)
-    dataset, ids, truth = degraded(options)
+    dataset, ids, truth = degraded(options, drive or load_drive(options.input, options.truth))
     from vi_ekf_slam import bag_writer  # needs ROS; complain about inputs first
     recording = bag_writer.messages(dataset, ids, options.gyro_sigma, options.velocity_sigma, truth)
     with tqdm(recording, desc="messages", unit="", disable=options.quiet or not sys.stderr.isatty()) as progress:
