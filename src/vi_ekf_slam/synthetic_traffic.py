@@ -66,19 +66,21 @@ def add_traffic(dataset, frames, truth, share, seed):
         cam_T_world = dataset.cam_T_imu @ inverse(poses[k])
         cam_T_car = {id(car): cam_T_world @ road.pose(road.station[k] + car.gap) @
                      make_transform(np.eye(3), [0.0, car.lane, CENTRE_HEIGHT]) for car in cars}
-        tracks = [track for track in tracks if track[3] >= k and _project(dataset, cam_T_car[id(track[1])], track[2])
-                  is not None][:wanted]
+        visible = [(track, _project(dataset, cam_T_car[id(track[1])], track[2])) for track in tracks if track[3] >= k]
+        visible = [(track, where) for track, where in visible if where is not None][:wanted]
         for _ in range(20 * wanted):  # some of the points drawn are out of view
-            if len(tracks) >= wanted:
+            if len(visible) >= wanted:
                 break
             car = cars[random.integers(CARS)]
             point = random.uniform(-0.5, 0.5, 3) * BOX
-            if _project(dataset, cam_T_car[id(car)], point) is not None:
-                tracks.append((next_id, car, point, k + int(random.exponential(MEAN_LIFE))))
+            where = _project(dataset, cam_T_car[id(car)], point)
+            if where is not None:
+                visible.append(((next_id, car, point, k + int(random.exponential(MEAN_LIFE))), where))
                 next_id += 1
+        tracks = [track for track, _ in visible]
         total += len(tracks)
-        columns = [_project(dataset, cam_T_car[id(car)], point) for _, car, point, _ in tracks]
-        moving = np.array(columns).reshape(-1, 4).T + PIXEL_NOISE * random.normal(size=(4, len(tracks)))
+        columns = np.array([where for _, where in visible]).reshape(-1, 4).T
+        moving = columns + PIXEL_NOISE * random.normal(size=(4, len(tracks)))
         result.append((np.concatenate([ids, np.array([track[0] for track in tracks], dtype=np.int64)]),
                        np.hstack([pixels, moving])))
     return result, total
