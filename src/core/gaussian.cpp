@@ -23,6 +23,8 @@ Vector6d solvePositive(const Matrix6d& S, const Vector6d& b) { return solve(S, b
 double squaredMahalanobis(const Eigen::Vector3d& e, const Eigen::Matrix3d& S) { return e.dot(solve(S, e)); }
 double squaredMahalanobis(const Vector6d& e, const Matrix6d& S) { return e.dot(solve(S, e)); }
 
-bool isPositiveDefinite(const Eigen::Matrix3d& S) { return S.llt().info() == Eigen::Success; }
+bool isPositiveDefinite(const Eigen::Matrix3d& S) {
+  return S.allFinite() && S.llt().info() == Eigen::Success;
+}
 
 } // namespace vi_ekf_slam

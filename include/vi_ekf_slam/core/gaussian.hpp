@@ -17,7 +17,7 @@ Vector6d solvePositive(const Matrix6d& S, const Vector6d& b);
 double squaredMahalanobis(const Eigen::Vector3d& e, const Eigen::Matrix3d& S);
 double squaredMahalanobis(const Vector6d& e, const Matrix6d& S);
 
-/// Whether S, of which the lower triangle is read, is positive definite.
+/// Whether S is finite and its lower triangle that of a positive definite matrix.
 bool isPositiveDefinite(const Eigen::Matrix3d& S);
 
 } // namespace vi_ekf_slam

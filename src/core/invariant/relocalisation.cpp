@@ -48,8 +48,9 @@ Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
 std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C,
                                               const Eigen::VectorXd& weights) {
   const Eigen::MatrixXd G = rigidMotions(points), WG = weights.asDiagonal() * G;
-  const Eigen::MatrixXd information = G.transpose() * WG;
-  const Eigen::MatrixXd A = information.llt().solve(G.transpose()).transpose();
+  const Matrix6d information = G.transpose() * WG;
+  const Eigen::MatrixXd A =
+      information.ldlt().solve(G.transpose()).transpose(); // singular, if all are in a line
   const Eigen::MatrixXd GWC = WG.transpose() * C;
   C.noalias() -= A * GWC;
   const Eigen::MatrixXd CWG = C * WG;
