@@ -14,7 +14,8 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-constexpr std::size_t kChunkSteps = 64;
+constexpr std::size_t kChunkSteps = 64;      // and on, until the next landmark comes
+constexpr std::size_t kMostChunkSteps = 256; // where none comes
 // Steps are composed faster than they come in, and not so fast that it would be felt.
 constexpr double kComposingPace = 1.5;
 constexpr double kLeastComposed = 1e9;        // operations: caches are cold at the beginning of each go
@@ -34,12 +35,15 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
   if (auto* update = std::get_if<KalmanUpdate>(&step)) update->Kt = store_.keep(update->Kt);
+  // A stretch takes along all that is active where it begins, so it begins where the fewest are: after those
+  // that leave with a frame, before those that come.
+  if (open_.steps.size() >= kChunkSteps && std::holds_alternative<Birth>(step)) closeChunk();
   if (open_.steps.empty()) open_.size = size - gainOf(step);
   const double cost = costOf(step);
   journal_bytes_ += bytesOf(step);
   journal_cost_ += cost;
   open_.steps.push_back(std::move(step));
-  if (open_.steps.size() == kChunkSteps) closeChunk();
+  if (open_.steps.size() == kMostChunkSteps) closeChunk();
   composing_due_ += kComposingPace * cost;
   if (composing_due_ > kLeastComposed) {
     if (!composition_.isEmpty() || endOfStretch() != journal_.end() ||

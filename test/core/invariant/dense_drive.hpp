@@ -19,6 +19,9 @@ class Twins {
   std::size_t activated() const { return activated_; }
 
   void step();
+  /// Nothing is seen, nothing comes: two steps of the journal.
+  void coast();
+  void deactivateSome(std::size_t count);
   void activateSome(std::size_t count);
   void marginaliseOldest(std::size_t count);
   double compose(double operations) { return state_.compose(operations); }

@@ -62,6 +62,24 @@ TEST(InactiveMap, EqualsTheDenseJointFilterWhileTheJournalIsBeingComposed) {
   }
 }
 
+// The journal's chunks end where a landmark comes, and after 256 steps where none does, which may be at a
+// departure.
+TEST(InactiveMap, EqualsTheDenseJointFilterWhereNothingIsBornForLong) {
+  for (int before = 90; before <= 130; before += 2) {
+    Twins twins(14, std::size_t{8} << 10);
+    for (int frame = 0; frame < 5; ++frame) twins.step();
+    for (int frame = 0; frame < before; ++frame) twins.coast();
+    twins.deactivateSome(5);
+    for (int frame = 0; frame < 200; ++frame) twins.coast();
+    while (twins.compose(1e5) > 0.0) twins.coast();
+    twins.expectEstimates(InactiveMap::Covariances::kExact);
+    twins.expectEqual();
+    twins.step();
+    twins.activateSome(3);
+    twins.expectEqual();
+  }
+}
+
 TEST(InactiveMap, IsComposedAFewStepsAtATime) {
   Twins twins(13);
   for (int frame = 1; frame <= 60; ++frame) twins.step();
