@@ -10,6 +10,7 @@
 #include <cmath>
 #include <random>
 
+#include "vi_ekf_slam/core/freed_memory.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -125,4 +126,10 @@ BENCHMARK(frameUpdate)
 } // namespace
 } // namespace vi_ekf_slam::invariant
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  vi_ekf_slam::keepFreedMemory(); // as run_bag and the node do
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

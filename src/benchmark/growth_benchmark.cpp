@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/freed_memory.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -181,6 +182,7 @@ void growth(benchmark::State& run) {
 
 int main(int argc, char** argv) {
   using vi_ekf_slam::invariant::growth;
+  vi_ekf_slam::keepFreedMemory(); // as run_bag and the node do
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   for (const int active : {25, 50, 100, 200, 400}) {
