@@ -74,7 +74,7 @@ build_package() {
   if [ ! -f "$build/Makefile" ] && [ ! -f "$build/build.ninja" ]; then
     say "configuring $build"
     quietly cmake -S "$root" -B "$build" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
-      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX2=ON
+      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX2=ON -Dvi_ekf_slam_AVX512=ON
   fi
   say "building (nothing to do where all is up to date)"
   quietly cmake --build "$build" -j"${JOBS:-$(nproc)}"
