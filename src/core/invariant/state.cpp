@@ -265,7 +265,11 @@ void State::loosen(const Matrix6d& noise) {
   Columns6 G = Columns6::Zero(size(), 6);
   G.topRows<6>().setIdentity();
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-    if (!landmarks_[i].anchored) G.middleRows<3>(offsetOf(i)).leftCols<3>().setIdentity();
+    auto rows = G.middleRows<3>(offsetOf(i));
+    if (landmarks_[i].anchored)
+      rows.rightCols<3>() = so3::hat(landmarks_[i].position); // its d = e - [m]x xi_R stays
+    else
+      rows.leftCols<3>().setIdentity();
   }
   addSquare(G, noise);
 }

@@ -152,7 +152,10 @@ void DenseJoint::loosen(const Matrix6d& noise) {
   Eigen::MatrixXd G = Eigen::MatrixXd::Zero(P.rows(), 6);
   G.topRows<6>().setIdentity();
   for (std::size_t i = 0; i < active.size(); ++i) {
-    if (!active[i].anchored) G.block<3, 3>(offset(i), 0).setIdentity();
+    if (active[i].anchored)
+      G.block<3, 3>(offset(i), kRotation) = so3::hat(active[i].position);
+    else
+      G.block<3, 3>(offset(i), kPosition).setIdentity();
   }
   addNoise(G, noise);
 }

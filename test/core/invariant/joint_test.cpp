@@ -1,5 +1,7 @@
 // The joint covariance as a whole, against dense algebra.
 
+#include <numeric>
+
 #include "dense_drive.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -141,6 +143,40 @@ TEST(Joint, AdoptedLandmarksCorrectAsTheDenseFilterHasIt) {
   const State::Joint joint = state.joint({last, 2});
   expectJoint(joint, expectedJoint(dense, joint.landmarks));
   EXPECT_THROW(state.adopt({landmarks[0], landmarks[0]}, Eigen::MatrixXd::Identity(6, 6)), std::logic_error);
+}
+
+// Along the world axes what is anchored or out of view stays where it is, and pose and tracked landmarks turn
+// and shift as one.
+TEST(Joint, IsLoosenedPastWhatIsAnchoredOrOutOfView) {
+  Random random(24);
+  Twins twins(24);
+  for (int frame = 1; frame <= 30; ++frame) twins.step();
+  twins.activateSome(3);
+  State state = twins.state();
+  std::vector<std::size_t> active(state.landmarks().size());
+  std::iota(active.begin(), active.end(), std::size_t{0});
+  const auto jointOf = [&active](State copy) { return copy.joint(active); };
+  const State::Joint before = jointOf(state);
+  const Matrix6d noise = 1e-2 * random.covariance<6>();
+  state.loosen(noise);
+  const State::Joint after = jointOf(state);
+
+  const std::size_t inactive = before.landmarks.size() - active.size();
+  ASSERT_GT(inactive, 5u);
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(before.covariance.rows(), 6);
+  G.topRows<6>().setIdentity();
+  G.block<3, 3>(kPosition, 3) = -so3::hat(state.pose().translation());
+  std::size_t anchored = 0;
+  for (std::size_t i = inactive; i < before.landmarks.size(); ++i) {
+    const Landmark& landmark = state.landmarks()[i - inactive];
+    ASSERT_EQ(before.landmarks[i].id, landmark.id);
+    anchored += landmark.anchored ? 1 : 0;
+    if (landmark.anchored) continue;
+    G.middleRows<3>(State::offsetOf(i)) << Eigen::Matrix3d::Identity(), -so3::hat(landmark.position);
+  }
+  EXPECT_EQ(anchored, 3u);
+  EXPECT_LT(distance(after.covariance - before.covariance, G * noise * G.transpose()),
+            1e-10 * after.covariance.norm());
 }
 
 TEST(MoveWorld, TakesErrorsAsTheirDefinitionDoes) {
