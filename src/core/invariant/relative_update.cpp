@@ -107,11 +107,14 @@ RelativeUpdate::Others RelativeUpdate::correctOthers(const Eigen::Ref<const Eige
     cross.middleCols<3>(rowsOf(i)).noalias() = gain_.middleCols<3>(rowsOf(i)) * A[i];
   if (M.empty()) return result;
   const auto transport = [&](auto&& rows) {
-    const auto position = rows.template topRows<3>();
     for (std::size_t i = 0; i < others_.size(); ++i) {
       if (others_[i] < kLandmarks) continue;
       auto landmark = rows.template middleRows<3>(rowsOf(i));
-      landmark = (position + M[landmarkAt(others_[i])] * (landmark - position)).eval();
+      for (Eigen::Index column = 0; column < rows.cols(); ++column) {
+        const Eigen::Vector3d position = rows.col(column).template head<3>();
+        const Eigen::Vector3d way = landmark.col(column) - position;
+        landmark.col(column) = position + M[landmarkAt(others_[i])] * way;
+      }
     }
   };
   transport(cross);
