@@ -83,7 +83,7 @@ void expectNoWrongOne(std::uint64_t first, std::uint64_t last) {
 // A place is recognised on the third drive.
 TEST(Places, AreRecognisedAndNotMistaken) { expectNoWrongOne(kSanitized ? 3 : 1, 3); }
 
-// Takes a quarter of an hour: simulation_places_test --gtest_also_run_disabled_tests
+// Takes some minutes, and fails (docs/map.md): simulation_places_test --gtest_also_run_disabled_tests
 TEST(Places, DISABLED_AreNotMistakenOnAHundredDrives) { expectNoWrongOne(1, 100); }
 
 } // namespace

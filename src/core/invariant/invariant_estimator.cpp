@@ -53,6 +53,7 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
     const double dt = secondsBetween(*stamp_, stamp);
     const double distance = dt * state_.twist().head<3>().norm();
     distance_ += distance;
+    driven_ += distance;
     angle_ += dt * state_.twist().tail<3>().norm();
     drift_.drive(state_.pose().translation(), distance);
     state_.propagate(dt, noise);
@@ -251,6 +252,7 @@ void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<
     const auto sighting = model_->triangulate(state_, frame.features[feature].pixels, config_.max_depth_m);
     if (!sighting) continue;
     state_.addLandmark(frame.features[feature].id, sighting->position, sighting->covariance);
+    state_.beginTrack(state_.landmarks().size() - 1, driven_);
     ++report.initialised;
   }
 }

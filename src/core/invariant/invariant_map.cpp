@@ -48,11 +48,21 @@ void InvariantEstimator::retire(std::size_t landmark) {
   if (state_.keepsInactive() && state_.inactive().contains(l.id)) {
     state_.removeLandmark(landmark); // the map has it, from before
   } else if (state_.keepsInactive() && (good || config_.map.keep == MapKeep::kAll)) {
-    state_.deactivateLandmark(landmark);
+    state_.deactivateLandmark(landmark, slideOf(l));
   } else {
     if (known) archive_.put(estimateOf(landmark));
     state_.removeLandmark(landmark);
   }
+}
+
+/// What drift the point has taken on while it was tracked, covariance along the world axes, m^2: it was seen
+/// where it is when its track began, and has moved with all other tracks since. That is not independent from
+/// one landmark to the next, but each began at another time; without it, one that returns would tell where
+/// the pose was when it left, and not when it came.
+Eigen::Matrix3d InvariantEstimator::slideOf(const Landmark& landmark) const {
+  Drift slide(config_.drift_position, config_.drift_rotation);
+  slide.drive(state_.pose().translation(), driven_ - landmark.tracked_since);
+  return slide.ofPoint(landmark.position);
 }
 
 /// A batch at a time, since means must be brought up to date.
@@ -84,7 +94,7 @@ void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vecto
     if (keep[i]) {
       ++report.revisited;
       loop_closed_ = true;
-      state_.release(i);
+      state_.beginTrack(i, driven_);
       recalled_.erase(recalled);
       continue;
     }

@@ -15,7 +15,8 @@ constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be wor
 constexpr double kKnownRotation = 1.0;
 constexpr double kRounding = 1e-12; // of the largest variance
 
-SavedMap savedFrom(State& state, Stamp stamp) {
+/// `slides`: what the tracks of the active landmarks have displaced them by.
+SavedMap savedFrom(State& state, Stamp stamp, const std::vector<Eigen::Matrix3d>& slides) {
   std::vector<std::size_t> active;
   std::unordered_set<FeatureId> ids;
   for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
@@ -28,6 +29,11 @@ SavedMap savedFrom(State& state, Stamp stamp) {
   const std::size_t room = kMaxSavedLandmarks - active.size();
   if (state.inactive().size() > room) state.marginaliseOldest(state.inactive().size() - room);
   State::Joint joint = state.joint(active);
+  const std::size_t inactive = joint.landmarks.size() - active.size();
+  for (std::size_t i = 0; i < active.size(); ++i) {
+    const Eigen::Index row = State::offsetOf(inactive + i);
+    joint.covariance.block<3, 3>(row, row) += slides[active[i]];
+  }
   SavedMap map{stamp, state.pose(), state.twist(), state.bias(), {}, std::move(joint.covariance)};
   for (const Landmark& l : joint.landmarks) map.landmarks.push_back({l.id, l.position, l.observations});
   return map;
@@ -55,7 +61,11 @@ std::function<SavedMap()> InvariantEstimator::savedMap() const {
   if (!keepsJointMap() || !stamp_) return {};
   State copy = state_;
   copy.loosen(Drift(drift_).take());
-  return [state = std::move(copy), stamp = *stamp_]() mutable { return savedFrom(state, stamp); };
+  std::vector<Eigen::Matrix3d> slides;
+  for (const Landmark& landmark : copy.landmarks()) slides.push_back(slideOf(landmark));
+  return [state = std::move(copy), stamp = *stamp_, slides = std::move(slides)]() mutable {
+    return savedFrom(state, stamp, slides);
+  };
 }
 
 void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double max_gap_s) {

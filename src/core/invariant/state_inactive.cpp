@@ -6,10 +6,10 @@
 namespace vi_ekf_slam::invariant {
 
 /// d = e - [m]x xi_R: the error along the world axes, which does not change while the vehicle moves.
-void State::deactivateLandmark(std::size_t index) {
+void State::deactivateLandmark(std::size_t index, const Eigen::Matrix3d& slid) {
   const Landmark landmark = landmarks_[index];
   const Eigen::Index row = offsetOf(index), last = size() - 3;
-  const Eigen::Matrix3d own = landmarkCovariance(index);
+  const Eigen::Matrix3d own = landmarkCovariance(index) + slid;
   const auto P = covariance();
   InactiveMap::Columns3 cross =
       P.middleCols<3>(row) + P.middleCols<3>(kRotation) * so3::hat(landmark.position); // -[m]x^T = [m]x

@@ -49,8 +49,9 @@ void Twins::step() {
 void Twins::deactivateSome(std::size_t count) {
   for (; count > 0; --count) {
     const std::size_t index = pick(state_.landmarks().size());
-    state_.deactivateLandmark(index);
-    dense_.deactivate(index);
+    const Eigen::Matrix3d slid = 1e-3 * random_.covariance<3>();
+    state_.deactivateLandmark(index, slid);
+    dense_.deactivate(index, slid);
   }
 }
 

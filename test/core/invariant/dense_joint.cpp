@@ -109,11 +109,12 @@ void DenseJoint::removeInactive(std::size_t index) {
   inactive.erase(inactive.begin() + static_cast<std::ptrdiff_t>(index));
 }
 
-void DenseJoint::deactivate(std::size_t index) {
+void DenseJoint::deactivate(std::size_t index, const Eigen::Matrix3d& slid) {
   const Landmark gone = active[index];
   Eigen::MatrixXd F = identity();
   F.block<3, 3>(offset(index), kRotation) = -so3::hat(gone.position);
   transform(F);
+  P.block<3, 3>(offset(index), offset(index)) += slid;
   std::vector<Eigen::Index> order = offsets();
   order.push_back(order[index]);
   order[index] = order[active.size() - 1];

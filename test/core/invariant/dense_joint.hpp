@@ -38,7 +38,7 @@ struct DenseJoint {
   std::vector<Eigen::Index> offsets() const;
   void removeActive(std::size_t index);
   void removeInactive(std::size_t index);
-  void deactivate(std::size_t index);
+  void deactivate(std::size_t index, const Eigen::Matrix3d& slid = Eigen::Matrix3d::Zero());
   void activate(FeatureId id);
   void forget(Eigen::Index row, const Eigen::Vector3d& sigma);
   void loosen(const Matrix6d& noise);

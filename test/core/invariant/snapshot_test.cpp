@@ -28,7 +28,9 @@ InvariantConfig keepAll() {
 
 TEST(Snapshot, HoldsTheEstimateAndIsValid) {
   Road road(1, 40, kTypical);
-  const InvariantEstimator estimator = driven(road, 60);
+  InvariantConfig config;
+  config.drift_position = config.drift_rotation = 0.0; // see the next test
+  const InvariantEstimator estimator = driven(road, 60, config);
   const auto map = savedOf(estimator);
   EXPECT_NO_THROW(validate(*map, "snapshot"));
   const StateEstimate state = estimator.state();
@@ -48,6 +50,31 @@ TEST(Snapshot, HoldsTheEstimateAndIsValid) {
   }
   EXPECT_EQ(compared, map->landmarks.size());
   EXPECT_GT(compared, 40U) << "some are out of view";
+}
+
+// Where a point was before its track slid is less sure than where it seems to be, which is what out of view
+// is left.
+TEST(Snapshot, AddsWhatTheTracksInViewMayHaveSlid) {
+  Road road(1, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60);
+  const auto map = savedOf(estimator);
+  EXPECT_NO_THROW(validate(*map, "snapshot"));
+  std::size_t same = 0, more = 0;
+  for (const LandmarkEstimate& l : estimator.exactLandmarks()) {
+    for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
+      if (map->landmarks[i].id != l.id) continue;
+      const Eigen::Index row = State::offsetOf(i);
+      const Eigen::Matrix3d saved = map->covariance.block<3, 3>(row, row);
+      if (worstCorrelationError(saved, l.covariance) < 1e-9) {
+        ++same;
+      } else {
+        ++more;
+        EXPECT_TRUE(isPositive(saved - l.covariance, 1e-12)) << l.id;
+      }
+    }
+  }
+  EXPECT_GT(same, 0u) << "out of view";
+  EXPECT_GT(more, 10u) << "in view";
 }
 
 TEST(Snapshot, IsOfWhenItWasMade) {

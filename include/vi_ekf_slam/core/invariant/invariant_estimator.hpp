@@ -72,6 +72,7 @@ class InvariantEstimator : public Estimator {
   LandmarkEstimate estimateOf(std::size_t landmark) const;
   std::vector<LandmarkEstimate> landmarks(InactiveMap::Covariances covariances) const;
   void retire(std::size_t landmark);
+  Eigen::Matrix3d slideOf(const Landmark& landmark) const;
   void boundInactive();
   void archiveInactive();
   void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
@@ -111,6 +112,7 @@ class InvariantEstimator : public Estimator {
   DivergenceMonitor monitor_;
   Sound sound_;
   double distance_ = 0.0;                     ///< m driven since the last frame
+  double driven_ = 0.0;                       ///< m driven since the start
   double angle_ = 0.0;                        ///< rad turned since the last frame
   Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
   std::optional<StereoModel> model_;

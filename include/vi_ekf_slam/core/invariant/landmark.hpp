@@ -12,6 +12,7 @@ struct Landmark {
   Eigen::Vector3d position = Eigen::Vector3d::Zero(); ///< world, m
   std::size_t observations = 1;                       ///< that corrected the state, the first one included
   bool anchored = false; ///< known from an earlier time, not in view yet: tracks that slide do not move it
+  double tracked_since = 0.0; ///< m that the vehicle had driven when its track began
 };
 
 /// A landmark out of view and the covariance (3x3, m^2, world axes) of its error d = m - m^.

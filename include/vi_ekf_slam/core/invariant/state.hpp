@@ -124,8 +124,9 @@ class State {
   /// As InactiveMap has it: changes no estimate, spreads the work over time.
   double compose(double operations) { return inactive_->compose(operations); }
 
-  /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id.
-  void deactivateLandmark(std::size_t index);
+  /// Makes a landmark an inactive one; the last one takes its place. No inactive landmark has its id. `slid`
+  /// (3x3, m^2, world axes): what the point was displaced by its track, independent of all other errors.
+  void deactivateLandmark(std::size_t index, const Eigen::Matrix3d& slid = Eigen::Matrix3d::Zero());
 
   /// Brings inactive landmarks back as the last active ones, in this order, anchored, after settling what was
   /// deferred. Throws std::out_of_range for an id that is not inactive.
@@ -163,8 +164,12 @@ class State {
   void loosen(const Matrix6d& noise);
 
   void addObservations(std::size_t index, std::size_t count) { landmarks_[index].observations += count; }
-  /// The landmark is tracked from now on, so that it drifts with what is in view. See Landmark::anchored.
-  void release(std::size_t index) { landmarks_[index].anchored = false; }
+  /// The landmark is tracked from now on, so that it drifts with what is in view (see Landmark::anchored);
+  /// the vehicle has driven `driven` m.
+  void beginTrack(std::size_t index, double driven) {
+    landmarks_[index].anchored = false;
+    landmarks_[index].tracked_since = driven;
+  }
 
   /// Makes three consecutive rows of twist or bias, from `row` on, unknown again: no correlation, the given
   /// sigma.
