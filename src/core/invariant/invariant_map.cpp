@@ -14,7 +14,10 @@ namespace {
 constexpr double kSettlingPerFrame = 2e8;
 constexpr double kMostComposed = 1e9;            // of them in one frame
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
-constexpr std::size_t kTwinObservations = 3; // before a landmark is compared with what was seen of it before
+// Before a landmark is compared with what was seen of it before: observations, and the standard deviation of
+// its distance, up to which its error is one of straight coordinates.
+constexpr std::size_t kTwinObservations = 3;
+constexpr double kTwinDistance = 0.1; // of the distance
 // Twins must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeastTwins = 3, kMostTwins = 100;
 constexpr double kMostSaved = 100.0;     // frames
@@ -128,6 +131,16 @@ bool InvariantEstimator::isLongOutOfView(FeatureId inactive) const {
   return state_.inactive().departuresSince(inactive) > state_.landmarks().size();
 }
 
+/// How far away the landmark is, is known well enough for it to be compared with a point. Of a far one the
+/// pixels tell the inverse of the distance: a dozen of them, new and each a little wrong to the same side,
+/// would move the pose with them.
+bool InvariantEstimator::isLocated(std::size_t landmark) const {
+  const Eigen::Vector3d way = state_.landmarks()[landmark].position - state_.pose().translation();
+  const double distance2 = way.squaredNorm();
+  const double variance = way.dot(state_.relativeCovariance(State::offsetOf(landmark)) * way) / distance2;
+  return variance < kTwinDistance * kTwinDistance * distance2;
+}
+
 /// An id that returns begins as a new landmark, so that the drive goes on as if it were one. When some have
 /// been seen often enough, and settling the map has been saved up for, they are fused with what was seen of
 /// them before; and what should come into view next is made active, to be recognised at once.
@@ -136,10 +149,10 @@ void InvariantEstimator::revisit(FrameReport& report) {
   settling_allowance_ =
       std::min(settling_allowance_ + kSettlingPerFrame, std::max(cost(), kMostSaved * kSettlingPerFrame));
   std::vector<FeatureId> ids;
-  for (const Landmark& landmark : state_.landmarks()) {
-    if (landmark.observations >= kTwinObservations && ids.size() < kMostTwins &&
-        state_.inactive().contains(landmark.id) && !disputed_.count(landmark.id) &&
-        isLongOutOfView(landmark.id))
+  for (std::size_t i = 0; i < state_.landmarks().size() && ids.size() < kMostTwins; ++i) {
+    const Landmark& landmark = state_.landmarks()[i];
+    if (landmark.observations >= kTwinObservations && state_.inactive().contains(landmark.id) &&
+        !disputed_.count(landmark.id) && isLongOutOfView(landmark.id) && isLocated(i))
       ids.push_back(landmark.id);
   }
   if (ids.size() < kLeastTwins) return;

@@ -86,6 +86,7 @@ class InvariantEstimator : public Estimator {
   void recognisePlace(FrameReport& report);
   std::vector<FeatureId> soonInView() const;
   bool isLongOutOfView(FeatureId inactive) const;
+  bool isLocated(std::size_t landmark) const;
 
   /// What is left when mean or covariance break.
   struct Sound {
