@@ -64,7 +64,7 @@ void InvariantEstimator::retire(std::size_t landmark) {
 /// the pose was when it left, and not when it came.
 Eigen::Matrix3d InvariantEstimator::slideOf(const Landmark& landmark) const {
   Drift slide(config_.drift_position, config_.drift_rotation);
-  slide.drive(state_.pose().translation(), driven_ - landmark.tracked_since);
+  if (!landmark.anchored) slide.drive(state_.pose().translation(), driven_ - landmark.tracked_since);
   return slide.ofPoint(landmark.position);
 }
 

@@ -1,5 +1,8 @@
 // What goes out as a saved map comes back as it was.
 
+#include <algorithm>
+#include <set>
+
 #include "dense_drive.hpp"
 #include "road.hpp"
 
@@ -162,6 +165,34 @@ TEST(Resume, IsAsUnsureAfterAGapAsTheMotionMakesIt) {
   EXPECT_GT(later(5, 5), at_once(5, 5) + std::pow(config.twist_density[5], 2) * 125.0 / 3.0);
   const double position = later.topLeftCorner<3, 3>().trace();
   EXPECT_GT(position, std::pow(config.twist_density[0], 2) * 125.0 / 3.0);
+}
+
+// What was made active because it should come into view, and did not, has slid with no track.
+TEST(Resume, GivesBackWhatWasRecalledInVainAsItWas) {
+  Road road(6, 60, kTypical);
+  const auto map = savedOf(driven(road, 60));
+  InvariantEstimator resumed = makeEstimator();
+  resumed.resumeFrom(map, 30.0);
+  std::set<FeatureId> seen;
+  std::size_t recalled = 0;
+  for (int i = 0; i < 120; ++i) {
+    for (const StereoFeatureObservation& feature : road.frame().features) seen.insert(feature.id);
+    const FrameReport report = road.feed(resumed);
+    recalled = std::max(recalled, report.landmarks - std::min(report.landmarks, report.features));
+  }
+  EXPECT_GT(recalled, 0U);
+  std::size_t compared = 0;
+  for (const LandmarkEstimate& l : resumed.exactLandmarks()) {
+    for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
+      if (map->landmarks[i].id != l.id || seen.count(l.id)) continue;
+      const Eigen::Index row = State::offsetOf(i);
+      const Eigen::Matrix3d before = map->covariance.block<3, 3>(row, row);
+      EXPECT_TRUE(isPositive(before - l.covariance + 1e-2 * before.norm() * Eigen::Matrix3d::Identity()))
+          << l.id;
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 5U);
 }
 
 TEST(Resume, GoesOnAsIfNothingHadHappened) {
