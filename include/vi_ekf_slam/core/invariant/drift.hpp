@@ -7,10 +7,9 @@
 namespace vi_ekf_slam::invariant {
 
 /// What the filter's model leaves out and real drives show: tracks lag and slide together, so the whole
-/// estimate (pose and landmarks alike) turns and shifts slowly about the vehicle. Nothing the filter measures
-/// can tell, and no gain depends on it: it is a random walk along the directions that no measurement sees,
-/// and only makes the published covariances honest. Kept beside the filter's own covariance, in the same
-/// error (xi_p, xi_R).
+/// estimate (pose and landmarks in view) turns and shifts slowly about the vehicle: a random walk along the
+/// directions that no measurement sees. Only a landmark that is seen again can tell, and no other gain
+/// depends on it. Kept beside the filter's own covariance, in the same error (xi_p, xi_R), until it is taken.
 class Drift {
  public:
   /// Root spectral densities over the DISTANCE driven, m/m^0.5 and rad/m^0.5.
