@@ -123,17 +123,17 @@ RelativeUpdate::Others RelativeUpdate::correctOthers(const Eigen::Ref<const Eige
 }
 
 void RelativeUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Eigen::Matrix3d>& M) const {
-  std::vector<Eigen::Matrix3d> A;
+  std::vector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
   for (const Seen& seen : seen_) {
-    A.push_back(noise_ * seen.J_inverse.transpose());
-    if (!M.empty()) A.back() *= M[landmarkAt(seen.row)].transpose();
+    weighted_A.push_back(seen.J_inverse.transpose());
+    if (!M.empty()) weighted_A.back() *= M[landmarkAt(seen.row)].transpose();
+    A.push_back(noise_ * weighted_A.back());
   }
   const auto [own, cross] = correctOthers(P, A, M);
   for (std::size_t i = 0; i < others_.size(); ++i) {
     for (std::size_t j = 0; j <= i; ++j)
       P.block<3, 3>(others_[i], others_[j]) = own.block<3, 3>(rowsOf(i), rowsOf(j));
   }
-  const Eigen::Matrix3d R_inverse = noise_.inverse();
   const Eigen::MatrixXd with_position = cross.topRows<3>().transpose();
   Eigen::MatrixXd column(S_inverse_.rows(), 3); // of cov(e_j - xi_p, e_k - xi_p), by A_j^T
   for (std::size_t k = 0; k < seen_.size(); ++k) {
@@ -143,7 +143,7 @@ void RelativeUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Ei
     auto below = column.bottomRows(column.rows() - first);
     below.setZero();
     addTurned(S_inverse_.middleCols<3>(first).bottomRows(below.rows()), -A[k], below);
-    column.middleRows<3>(first) += R_inverse * A[k];
+    column.middleRows<3>(first) += weighted_A[k];
     const Eigen::Matrix3d base = cross.block<3, 3>(0, first) + own.topLeftCorner<3, 3>();
     for (std::size_t j = k; j < seen_.size(); ++j) {
       const Eigen::Index row = rowsOf(j);
