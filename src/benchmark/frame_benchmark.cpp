@@ -10,7 +10,6 @@
 #include <cmath>
 #include <random>
 
-#include "vi_ekf_slam/core/freed_memory.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -59,8 +58,8 @@ struct Scene {
     return rig;
   }
 
-  std::vector<Observation> observations() const {
-    std::vector<Observation> all;
+  PooledVector<Observation> observations() const {
+    PooledVector<Observation> all;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       auto observation = model.observe(state, i, frame.features[i].pixels);
       observation->feature = i;
@@ -127,7 +126,6 @@ BENCHMARK(frameUpdate)
 } // namespace vi_ekf_slam::invariant
 
 int main(int argc, char** argv) {
-  vi_ekf_slam::keepFreedMemory(); // as run_bag and the node do
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -17,7 +17,6 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/freed_memory.hpp"
 #include "vi_ekf_slam/core/invariant/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
@@ -60,7 +59,7 @@ class Scene {
 
     const std::clock_t start = std::clock();
     state_.propagate(0.1, {config_.twist_density, config_.bias_density});
-    std::vector<Observation> observations;
+    PooledVector<Observation> observations;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       observations.push_back(*model_.observe(state_, i, frame.features[i].pixels));
       observations.back().feature = i;
@@ -182,7 +181,6 @@ void growth(benchmark::State& run) {
 
 int main(int argc, char** argv) {
   using vi_ekf_slam::invariant::growth;
-  vi_ekf_slam::keepFreedMemory(); // as run_bag and the node do
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   for (const int active : {25, 50, 100, 200, 400}) {

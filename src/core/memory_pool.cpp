@@ -45,7 +45,7 @@ struct Block {
 struct Shelf {
   Block* first = nullptr;
   std::size_t kept = 0;
-  std::size_t in_use = 0; ///< taken and not given back, less what only other threads took
+  std::size_t in_use = 0; ///< taken less given back; 0 where more came back
   std::size_t most_in_use = 0;
 };
 

@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <unordered_set>
 
 namespace vi_ekf_slam::conversions {
 namespace {
@@ -93,7 +92,7 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
   StereoFrame frame;
   frame.stamp = toStamp(message.header.stamp);
   frame.features.reserve(message.features.size());
-  std::unordered_set<FeatureId> seen;
+  PooledHashSet<FeatureId> seen(message.features.size());
   for (const StereoFeature& f : message.features) {
     if (!seen.insert(f.id).second) continue;
     frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right)});

@@ -14,7 +14,6 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/freed_memory.hpp"
 #include "vi_ekf_slam/core/run_writer.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/map_messages.hpp"
@@ -284,7 +283,6 @@ class Soak {
 } // namespace vi_ekf_slam
 
 int main(int argc, char** argv) {
-  vi_ekf_slam::keepFreedMemory(); // as the node does
   try {
     vi_ekf_slam::Options options = vi_ekf_slam::parse(argc, argv);
     if (options.output.empty()) {

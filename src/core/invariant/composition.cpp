@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/symmetric.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
@@ -29,7 +30,7 @@ Composition::Composition(Chunks chunks, Departures departures)
     for (const DeferredStep& step : chunk->steps) largest = std::max(largest, size += gainOf(step));
   }
   sweep_ = std::make_unique<ForwardSweep>(begin, left, largest);
-  leaving_ = Eigen::MatrixXd::Zero(begin + left, left + 1); // never empty: it is taken in parts
+  leaving_ = PooledMatrix::Zero(begin + left, left + 1); // never empty: it is taken in parts
 }
 
 double Composition::advance(double operations) {
@@ -55,22 +56,22 @@ void Composition::forward(const DeferredStep& step) {
   const Departure& departure = *departures_[departed_];
   const Eigen::Index begin = chunks_.front()->size, column = rowsOf(departed_++);
   const auto X = sweep_->X(); // d = e - [m]x xi_R
-  leaving_.block(0, column, X.rows(), 3) =
-      X.middleCols<3>(removal->row) +
-      X.middleCols<3>(kRotation) * so3::hat(departure.inactive.landmark.position);
+  auto leaving = leaving_.middleCols<3>(column).topRows(X.rows());
+  leaving = X.middleCols<3>(removal->row);
+  addTurned(X.middleCols<3>(kRotation), so3::hat(departure.inactive.landmark.position), leaving);
   leaving_.block<3, 3>(begin + column, column) = departure.inactive.covariance;
   sweep_->forward(step);
-  sweep_->append(departure.cross.transpose());
+  sweep_->append(departure.cross);
 }
 
 Stretch Composition::stretch(MatrixStore& store) const {
   const Eigen::Index begin = chunks_.front()->size, left = rowsOf(departures_.size());
   const auto X = sweep_->X();
   const auto gram = sweep_->gram();
-  const auto keep = [&store](Eigen::MatrixXd matrix) { return store.keep(std::move(matrix)); };
-  const auto keepSymmetric = [&store](Eigen::MatrixXd lower) {
+  const auto keep = [&store](const PooledMatrix& matrix) { return store.keep(matrix); };
+  const auto keepSymmetric = [&store](PooledMatrix lower) {
     mirrorLower(lower);
-    return store.keep(std::move(lower));
+    return store.keep(lower);
   };
   std::vector<Landmark> landmarks;
   std::vector<std::uint64_t> serials;

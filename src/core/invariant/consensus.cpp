@@ -6,17 +6,17 @@
 
 namespace vi_ekf_slam::invariant {
 
-std::vector<bool> largestConsensus(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                                   const Eigen::Matrix3d& noise, double threshold,
-                                   const std::vector<bool>& plausible) {
+PooledVector<bool> largestConsensus(const PooledVector<Observation>& observations, const PooledMatrix& S,
+                                    const Eigen::Matrix3d& noise, double threshold,
+                                    const PooledVector<bool>& plausible) {
   const std::size_t count = observations.size();
-  std::vector<Eigen::Vector3d> weighted(count);
+  PooledVector<Eigen::Vector3d> weighted(count);
   for (std::size_t h = 0; h < count; ++h) {
     const Eigen::Matrix3d own = S.block<3, 3>(rowsOf(h), rowsOf(h));
     weighted[h] = solvePositive(own, observations[h].innovation);
   }
   // Column h: what is left of each observation after h's update, px^2.
-  Eigen::MatrixXd residual(count, count);
+  PooledMatrix residual(static_cast<Eigen::Index>(count), static_cast<Eigen::Index>(count));
   const auto squared = [](const Eigen::Vector3d& left) { // v stands for both rows
     return left[0] * left[0] + 2.0 * left[1] * left[1] + left[2] * left[2];
   };
@@ -32,7 +32,7 @@ std::vector<bool> largestConsensus(const std::vector<Observation>& observations,
     }
   }
 
-  std::vector<bool> best(count, false), agrees(count, false);
+  PooledVector<bool> best(count, false), agrees(count, false);
   double best_score = 0.0;
   for (std::size_t h = 0; h < count; ++h) {
     if (!plausible[h]) continue;

@@ -25,21 +25,21 @@ std::size_t heapOf(const Small&) {
 }
 
 /// Z S^-1 for Z = X H^T and `after` = X (I - K H)^T.
-Eigen::MatrixXd timesInverseS(const KalmanUpdate& step, const Eigen::MatrixXd& Z,
-                              const Eigen::Ref<const Eigen::MatrixXd>& after) {
-  if (step.S_inverse.size() > 0) return Z * step.S_inverse;
-  Eigen::MatrixXd result = step.H.timesTransposed(after);
-  for (Eigen::Index i = 0; i < result.cols(); i += 3) result.middleCols<3>(i) *= step.R_inverse;
+PooledMatrix timesInverseS(const KalmanUpdate& step, const PooledMatrix& Z,
+                           const Eigen::Ref<const Eigen::MatrixXd>& after) {
+  if (step.S_inverse.size() > 0) return PooledMatrix(Z * step.S_inverse);
+  PooledMatrix result = step.H.timesTransposed(after);
+  for (Eigen::Index i = 0; i < result.cols(); i += 3) turn(result.middleCols<3>(i), step.R_inverse);
   return result;
 }
 
 /// The lower triangle of `sum` gains S^-1.
-void addInverseS(const KalmanUpdate& step, Eigen::MatrixXd& sum) {
+void addInverseS(const KalmanUpdate& step, PooledMatrix& sum) {
   if (step.S_inverse.size() > 0) {
     sum += step.S_inverse;
     return;
   }
-  const Eigen::MatrixXd KtHt = step.H.timesTransposed(*step.Kt);
+  const PooledMatrix KtHt = step.H.timesTransposed(*step.Kt);
   for (Eigen::Index i = 0; i < sum.rows(); i += 3) {
     addTurned(KtHt.middleCols<3>(i), -step.R_inverse, sum.middleCols<3>(i));
     sum.block<3, 3>(i, i) += step.R_inverse;
@@ -68,7 +68,8 @@ void CorrectionSweep::back(const Propagation& step) {
 
 /// F = I - K H, and H^T y is learned.
 void CorrectionSweep::back(const KalmanUpdate& step) {
-  const Eigen::VectorXd weighted = step.y - *step.Kt * correction_;
+  Pooled<Eigen::VectorXd> weighted = step.y;
+  weighted.noalias() -= *step.Kt * correction_;
   step.H.addTransposed(correction_, weighted);
 }
 
@@ -108,7 +109,7 @@ void InformationSweep::back(const Eigen::Ref<const Eigen::MatrixXd>& F,
 }
 
 void InformationSweep::back(const Propagation& step) {
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> gained = active() * step.G;
+  const Pooled<Eigen::Matrix<double, Eigen::Dynamic, 6>> gained = active() * step.G;
   const Matrix6d twice = step.G.transpose() * gained;
   active().middleCols<6>(kTwist) += gained;
   active().middleRows<6>(kTwist) += gained.transpose();
@@ -118,8 +119,8 @@ void InformationSweep::back(const Propagation& step) {
 /// F = I - K H, and H^T S^-1 H is learned: information + H^T (K^T information K + S^-1) H less the mixed
 /// terms, all but the first one within the few columns of H.
 void InformationSweep::back(const KalmanUpdate& step) {
-  Eigen::MatrixXd mixed = active() * (*step.Kt).transpose();
-  Eigen::MatrixXd own = Eigen::MatrixXd::Zero(mixed.cols(), mixed.cols());
+  PooledMatrix mixed = active() * (*step.Kt).transpose();
+  PooledMatrix own = PooledMatrix::Zero(mixed.cols(), mixed.cols());
   own.triangularView<Eigen::Lower>() += *step.Kt * mixed;
   addInverseS(step, own);
   mirrorLower(own);
@@ -168,13 +169,13 @@ ForwardSweep::ForwardSweep(Eigen::Index size, Eigen::Index rows, Eigen::Index co
     : rows_(size),
       columns_(size),
       X_(size + rows, columns),
-      gram_(Eigen::MatrixXd::Zero(size + rows, size + rows)),
+      gram_(PooledMatrix::Zero(size + rows, size + rows)),
       learned_(Eigen::VectorXd::Zero(size + rows)) {
   active().setIdentity();
 }
 
-void ForwardSweep::append(const Eigen::Matrix<double, 3, Eigen::Dynamic>& cross) {
-  X_.block(rows_, 0, 3, columns_) = cross;
+void ForwardSweep::append(const Pooled<Eigen::Matrix<double, Eigen::Dynamic, 3>>& cross) {
+  X_.block(rows_, 0, 3, columns_) = cross.transpose();
   rows_ += 3;
 }
 
@@ -183,21 +184,21 @@ void ForwardSweep::forward(const DeferredStep& step) {
 }
 
 void ForwardSweep::forward(const Propagation& step) {
-  const Eigen::Matrix<double, Eigen::Dynamic, 6> twist = active().middleCols<6>(kTwist);
+  const Pooled<Eigen::Matrix<double, Eigen::Dynamic, 6>> twist = active().middleCols<6>(kTwist);
   active().noalias() += twist * step.G.transpose();
 }
 
 /// With Z = X H^T: X -= Z K^T, and y is learned about by Z S^-1 nu, with Z S^-1 Z^T less of its covariance.
 void ForwardSweep::forward(const KalmanUpdate& step) {
-  const Eigen::MatrixXd Z = step.H.timesTransposed(active());
+  const PooledMatrix Z = step.H.timesTransposed(active());
   active().noalias() -= Z * *step.Kt;
-  const Eigen::MatrixXd weighted = timesInverseS(step, Z, active());
+  const PooledMatrix weighted = timesInverseS(step, Z, active());
   gram_.topLeftCorner(rows_, rows_).triangularView<Eigen::Lower>() += weighted * Z.transpose();
   learned_.head(rows_).noalias() += Z * step.y;
 }
 
 void ForwardSweep::forward(const Transport& step) {
-  const Eigen::Matrix<double, Eigen::Dynamic, 3> position = active().middleCols<3>(kPosition);
+  const Pooled<Eigen::Matrix<double, Eigen::Dynamic, 3>> position = active().middleCols<3>(kPosition);
   for (std::size_t i = 0; i < step.M.size(); ++i) {
     auto own = active().middleCols<3>(State::offsetOf(i));
     turnAbout(position, own, step.M[i].transpose(), own);
@@ -210,7 +211,7 @@ void ForwardSweep::forward(const Birth&) {
 }
 
 void ForwardSweep::forward(const Removal& step) {
-  if (step.row != columns_ - 3) active().middleCols<3>(step.row) = active().rightCols<3>().eval();
+  if (step.row != columns_ - 3) active().middleCols<3>(step.row) = active().rightCols<3>();
   columns_ -= 3;
 }
 

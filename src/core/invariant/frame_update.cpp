@@ -18,21 +18,21 @@ std::size_t countUsed(const FrameOutcome& outcome) {
 }
 
 /// The correction by the chosen observations alone, from P H^T and S of all of them. At least one is chosen.
-Correction correctionBy(const std::vector<Observation>& observations, const std::vector<bool>& chosen,
-                        Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::Matrix3d& noise) {
-  Eigen::VectorXd innovation = stackInnovations(observations);
+Correction correctionBy(const PooledVector<Observation>& observations, const PooledVector<bool>& chosen,
+                        PooledMatrix PHt, PooledMatrix S, const Eigen::Matrix3d& noise) {
+  Pooled<Eigen::VectorXd> innovation = stackInnovations(observations);
   keepChosen(chosen, PHt, S, innovation);
-  std::vector<Observation> used;
+  PooledVector<Observation> used;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (chosen[i]) used.push_back(observations[i]);
   }
-  return Correction(std::move(PHt), std::move(S), innovation, measurementMatrix(used), noise);
+  return Correction(std::move(PHt), std::move(S), std::move(innovation), measurementMatrix(used), noise);
 }
 
 } // namespace
 
-FrameOutcome FrameUpdate::apply(State& state, const StereoFrame& frame, std::vector<Observation> observations,
-                                const Manoeuvre& manoeuvre) const {
+FrameOutcome FrameUpdate::apply(State& state, const StereoFrame& frame,
+                                PooledVector<Observation> observations, const Manoeuvre& manoeuvre) const {
   FrameOutcome outcome;
   outcome.used.assign(observations.size(), false);
   if (observations.empty()) return outcome;
@@ -60,7 +60,7 @@ FrameOutcome FrameUpdate::apply(State& state, const StereoFrame& frame, std::vec
   return outcome;
 }
 
-bool FrameUpdate::mayBeManoeuvre(const std::vector<Observation>& observations,
+bool FrameUpdate::mayBeManoeuvre(const PooledVector<Observation>& observations,
                                  const Manoeuvre& manoeuvre) const {
   return config_.consensus && !config_.manoeuvre_density.isZero() &&
          observations.size() >= kManoeuvreFeatures && manoeuvre.dt > 0.0;
@@ -70,10 +70,10 @@ bool FrameUpdate::mayBeManoeuvre(const std::vector<Observation>& observations,
 /// a bump, and the gyro's word on it, the whole picture may agree. False where a landmark is out of sight
 /// then.
 bool FrameUpdate::allowManoeuvre(State& state, const StereoFrame& frame,
-                                 std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const {
+                                 PooledVector<Observation>& observations, const Manoeuvre& manoeuvre) const {
   state.disturb(manoeuvre.dt, {config_.manoeuvre_density, Vector6d::Zero()});
   if (manoeuvre.gyro) measureTwist(state, 3, manoeuvre.gyro->angular_velocity, *manoeuvre.gyro->covariance);
-  std::vector<Observation> moved;
+  PooledVector<Observation> moved;
   for (const Observation& observation : observations) {
     const auto again = observeAgain(state, frame, observation);
     if (!again) return false;
@@ -92,11 +92,11 @@ std::optional<Observation> FrameUpdate::observeAgain(const State& state, const S
 
 /// Nothing when the frame contradicts the state as a whole.
 std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
-                                                       const std::vector<Observation>& observations) const {
-  Eigen::MatrixXd PHt = model_.crossCovariance(state, observations);
-  Eigen::MatrixXd S = model_.innovationCovariance(observations, PHt);
+                                                       const PooledVector<Observation>& observations) const {
+  PooledMatrix PHt = model_.crossCovariance(state, observations);
+  PooledMatrix S = model_.innovationCovariance(observations, PHt);
   FrameOutcome outcome;
-  std::vector<double> nis(observations.size());
+  PooledVector<double> nis(observations.size());
   for (std::size_t i = 0; i < observations.size(); ++i) {
     const auto row = 3 * static_cast<Eigen::Index>(i);
     nis[i] = squaredMahalanobis(observations[i].innovation, S.block<3, 3>(row, row));
@@ -119,10 +119,10 @@ std::optional<FrameUpdate::Plan> FrameUpdate::makePlan(const State& state,
 }
 
 /// Which observations agree with each other, or, without consensus, with the prediction.
-std::vector<bool> FrameUpdate::choose(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                                      const std::vector<double>& nis) const {
+PooledVector<bool> FrameUpdate::choose(const PooledVector<Observation>& observations, const PooledMatrix& S,
+                                       const PooledVector<double>& nis) const {
   const double gate = config_.consensus ? config_.plausible_gate : config_.gate;
-  std::vector<bool> passes(observations.size());
+  PooledVector<bool> passes(observations.size());
   std::transform(nis.begin(), nis.end(), passes.begin(), [gate](double n) { return n < gate; });
   if (!config_.consensus) return passes;
   const double threshold = 4.0 * config_.consensus_px * config_.consensus_px;
@@ -131,10 +131,10 @@ std::vector<bool> FrameUpdate::choose(const std::vector<Observation>& observatio
 
 /// Takes back the observations that pass their own gate with the updated state: the consensus is judged in
 /// pixels, and a young landmark may be honestly uncertain.
-void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vector<Observation>& observations,
-                         FrameOutcome& outcome) const {
-  std::vector<Observation> again;
-  std::vector<std::size_t> index;
+void FrameUpdate::rescue(State& state, const StereoFrame& frame,
+                         const PooledVector<Observation>& observations, FrameOutcome& outcome) const {
+  PooledVector<Observation> again;
+  PooledVector<std::size_t> index;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (outcome.used[i]) continue;
     const auto observation = observeAgain(state, frame, observations[i]);
@@ -143,9 +143,9 @@ void FrameUpdate::rescue(State& state, const StereoFrame& frame, const std::vect
     index.push_back(i);
   }
   if (again.empty()) return;
-  Eigen::MatrixXd PHt = model_.crossCovariance(state, again);
-  Eigen::MatrixXd S = model_.innovationCovariance(again, PHt);
-  std::vector<bool> passes(again.size());
+  PooledMatrix PHt = model_.crossCovariance(state, again);
+  PooledMatrix S = model_.innovationCovariance(again, PHt);
+  PooledVector<bool> passes(again.size());
   for (std::size_t i = 0; i < again.size(); ++i) {
     const auto row = 3 * static_cast<Eigen::Index>(i);
     passes[i] = squaredMahalanobis(again[i].innovation, S.block<3, 3>(row, row)) < config_.gate;

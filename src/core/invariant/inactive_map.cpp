@@ -34,7 +34,7 @@ void reserve(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
 } // namespace
 
 void InactiveMap::record(DeferredStep step, Eigen::Index size) {
-  if (auto* update = std::get_if<KalmanUpdate>(&step)) update->Kt = store_.keep(update->Kt);
+  if (auto* update = std::get_if<KalmanUpdate>(&step)) update->Kt = store_.keep(*update->Kt);
   // A stretch takes along all that is active where it begins, so it begins where the fewest are: after those
   // that leave with a frame, before those that come.
   if (open_.steps.size() >= kChunkSteps && std::holds_alternative<Birth>(step)) closeChunk();
@@ -315,7 +315,7 @@ std::vector<InactiveLandmark> InactiveMap::estimates(Eigen::Index size, Covarian
   CorrectionSweep means(size);
   InformationSweep spreads(exact ? size : 0);
   const auto estimate = [&](const Landmark& landmark, const Eigen::Matrix3d& covariance,
-                            const Eigen::Ref<const Columns3>& cross) {
+                            const Eigen::Ref<const Columns3::Plain>& cross) {
     InactiveLandmark l{landmark, covariance};
     l.landmark.position += cross.transpose() * means.correction();
     if (exact) {

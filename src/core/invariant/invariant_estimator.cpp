@@ -111,7 +111,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   if (state_.keepsInactive()) state_.loosen(drift_.take());
   handleStandstill(frame);
   forgetOutcastsNotIn(frame);
-  std::vector<std::size_t> usable;
+  PooledVector<std::size_t> usable;
   std::size_t outcasts_in_frame = 0;
   for (std::size_t i = 0; model_ && i < frame.features.size(); ++i) {
     if (!isUsable(frame.features[i].pixels)) continue;
@@ -124,9 +124,9 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   report.invalid = report.features - usable.size() - outcasts_in_frame;
   if (model_) {
     model_->setBaseline(baseline_ * scale_.factor());
-    std::vector<std::size_t> unknown;
-    std::vector<bool> keep;
-    const std::vector<Observation> observations = match(frame, usable, unknown, keep);
+    PooledVector<std::size_t> unknown;
+    PooledVector<bool> keep;
+    const PooledVector<Observation> observations = match(frame, usable, unknown, keep);
     const FrameOutcome outcome =
         FrameUpdate(config_, *model_).apply(state_, frame, observations, manoeuvreSince(last_frame_));
     const Divergence divergence = judge(frame, observations, outcome);
@@ -200,7 +200,7 @@ void InvariantEstimator::keepRotationVariance() {
 /// An id that left may come back as something else.
 void InvariantEstimator::forgetOutcastsNotIn(const StereoFrame& frame) {
   if (outcasts_.empty()) return;
-  std::unordered_set<FeatureId> present;
+  PooledHashSet<FeatureId> present;
   for (const StereoFeatureObservation& feature : frame.features) {
     if (outcasts_.count(feature.id)) present.insert(feature.id);
   }
@@ -223,13 +223,13 @@ bool InvariantEstimator::isUsable(const StereoPixels& pixels) const {
 
 /// Observations of known landmarks. `unknown` receives the other usable features, `seen` whether each
 /// landmark is in view.
-std::vector<Observation> InvariantEstimator::match(const StereoFrame& frame,
-                                                   const std::vector<std::size_t>& usable,
-                                                   std::vector<std::size_t>& unknown,
-                                                   std::vector<bool>& seen) const {
-  const std::unordered_map<FeatureId, std::size_t> landmark_of_id = state_.indexById();
+PooledVector<Observation> InvariantEstimator::match(const StereoFrame& frame,
+                                                    const PooledVector<std::size_t>& usable,
+                                                    PooledVector<std::size_t>& unknown,
+                                                    PooledVector<bool>& seen) const {
+  const PooledHashMap<FeatureId, std::size_t> landmark_of_id = state_.indexById();
   seen.assign(state_.landmarks().size(), false);
-  std::vector<Observation> observations;
+  PooledVector<Observation> observations;
   for (const std::size_t feature : usable) {
     const auto known = landmark_of_id.find(frame.features[feature].id);
     auto observation = known == landmark_of_id.end()
@@ -246,7 +246,7 @@ std::vector<Observation> InvariantEstimator::match(const StereoFrame& frame,
   return observations;
 }
 
-void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
+void InvariantEstimator::initialise(const StereoFrame& frame, const PooledVector<std::size_t>& features,
                                     FrameReport& report) {
   for (const std::size_t feature : features) {
     const auto sighting = model_->triangulate(state_, frame.features[feature].pixels, config_.max_depth_m);

@@ -34,7 +34,7 @@ LandmarkEstimate estimateOf(const InactiveLandmark& l) {
 
 } // namespace
 
-void InvariantEstimator::remove(const std::vector<bool>& keep, FrameReport& report) {
+void InvariantEstimator::remove(const PooledVector<bool>& keep, FrameReport& report) {
   for (std::size_t i = keep.size(); i-- > 0;) {
     if (keep[i]) continue;
     retire(i);
@@ -87,8 +87,8 @@ void InvariantEstimator::archiveInactive() {
 }
 
 /// Landmarks that were recalled stay active, if they are not in view yet, while they are before the camera.
-void InvariantEstimator::keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
-                                      std::vector<bool>& keep, FrameReport& report) {
+void InvariantEstimator::keepRecalled(const StereoFrame& frame, const PooledVector<std::size_t>& unknown,
+                                      PooledVector<bool>& keep, FrameReport& report) {
   const SE3 cam_T_world = model_->rig().cam_T_imu * state_.pose().inverse();
   for (std::size_t i = 0; i < keep.size(); ++i) {
     const Landmark& l = state_.landmarks()[i];
@@ -167,7 +167,7 @@ void InvariantEstimator::revisit(FrameReport& report) {
 /// Fuses the active landmarks of these ids with the inactive ones, where at least `least` of them agree. How
 /// many were.
 std::size_t InvariantEstimator::fuseReturned(std::vector<FeatureId> ids, std::size_t least) {
-  const std::unordered_map<FeatureId, std::size_t> now = state_.indexById();
+  const PooledHashMap<FeatureId, std::size_t> now = state_.indexById();
   const std::size_t first = state_.landmarks().size();
   const bool long_ago = std::any_of(ids.begin(), ids.end(), [&](FeatureId id) {
     return state_.inactive().departuresSince(id) > kViewsLongAgo * first;

@@ -36,7 +36,7 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   const Matrix6d covariance = poseCovariance();
   const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());
   std::vector<PlacePoint> now, before;
-  const std::unordered_map<FeatureId, std::size_t> active = state_.indexById();
+  const PooledHashMap<FeatureId, std::size_t> active = state_.indexById();
   for (const InactiveLandmark& inactive : state_.inactiveLandmarks(InactiveMap::Covariances::kLastSettled)) {
     const Landmark& l = inactive.landmark;
     if (active.count(l.id)) continue; // its id has returned: revisit's
@@ -61,7 +61,7 @@ void InvariantEstimator::recognisePlace(FrameReport& report) {
   }
   const std::size_t first = state_.landmarks().size();
   state_.activateLandmarks(ids);
-  const std::unordered_map<FeatureId, std::size_t> index = state_.indexById();
+  const PooledHashMap<FeatureId, std::size_t> index = state_.indexById();
   std::vector<Twin> twins;
   for (const auto& [seen_now, seen_before] : recognition->matches)
     twins.push_back({index.at(seen_now), index.at(seen_before)});

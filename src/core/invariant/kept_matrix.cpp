@@ -77,8 +77,8 @@ class MatrixStore::Pool {
 
 MatrixStore::MatrixStore() : pool_(std::make_shared<Pool>()) {}
 
-KeptMatrix::KeptMatrix(Eigen::MatrixXd matrix) : rows_(matrix.rows()), cols_(matrix.cols()) {
-  const auto own = std::make_shared<const Eigen::MatrixXd>(std::move(matrix));
+KeptMatrix::KeptMatrix(PooledMatrix matrix) : rows_(matrix.rows()), cols_(matrix.cols()) {
+  const auto own = std::allocate_shared<const PooledMatrix>(PoolAllocator<PooledMatrix>(), std::move(matrix));
   data_ = std::shared_ptr<const double>(own, own->data());
 }
 
@@ -87,8 +87,8 @@ std::shared_ptr<MatrixStore::Piece> MatrixStore::pooledPiece() const {
           [pool = pool_](Piece* piece) { pool->giveBack(std::unique_ptr<Piece>(piece)); }};
 }
 
-KeptMatrix MatrixStore::keep(const KeptMatrix& matrix) {
-  const auto size = static_cast<std::size_t>((*matrix).size());
+KeptMatrix MatrixStore::keep(const Eigen::Ref<const Eigen::MatrixXd>& matrix) {
+  const auto size = static_cast<std::size_t>(matrix.size());
   const std::size_t values = (size + kAlignment - 1) / kAlignment * kAlignment;
   double* data = piece_ ? piece_->take(values) : nullptr;
   if (!data) {
@@ -96,8 +96,8 @@ KeptMatrix MatrixStore::keep(const KeptMatrix& matrix) {
     piece_ = bytes > kPiece ? std::make_shared<Piece>(bytes) : pooledPiece();
     data = piece_->take(values);
   }
-  std::copy_n((*matrix).data(), size, data);
-  return {std::shared_ptr<const double>(piece_, data), matrix.rows_, matrix.cols_};
+  Eigen::Map<Eigen::MatrixXd>(data, matrix.rows(), matrix.cols()) = matrix;
+  return {std::shared_ptr<const double>(piece_, data), matrix.rows(), matrix.cols()};
 }
 
 } // namespace vi_ekf_slam::invariant

@@ -34,9 +34,9 @@ bool InvariantEstimator::isSound(bool thoroughly) const {
   if (!thoroughly) return true;
   using Base = Eigen::Matrix<double, kLandmarks, 1>;
   const Base scale = base.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
-  Eigen::MatrixXd correlation = scale.asDiagonal() * base * scale.asDiagonal();
+  Eigen::Matrix<double, kLandmarks, kLandmarks> correlation = scale.asDiagonal() * base * scale.asDiagonal();
   correlation.diagonal() = Base::Constant(1.0 + kNegligible);
-  return Eigen::LLT<Eigen::MatrixXd>(correlation).info() == Eigen::Success;
+  return Eigen::LLT<decltype(correlation)>(correlation).info() == Eigen::Success;
 }
 
 /// Remembers what is sound, and goes back to it from what is not.
@@ -63,7 +63,7 @@ void InvariantEstimator::rebuild() {
   doubt(std::max(kDoubtfulPosition, elapsed * config_.prior_twist_sigma[0]), kDoubtfulRotation);
 }
 
-Divergence InvariantEstimator::judge(const StereoFrame& frame, const std::vector<Observation>& observations,
+Divergence InvariantEstimator::judge(const StereoFrame& frame, const PooledVector<Observation>& observations,
                                      const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
   const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, observations.size(), used,
@@ -87,7 +87,7 @@ Divergence InvariantEstimator::judge(const StereoFrame& frame, const std::vector
 }
 
 std::vector<Displaced> InvariantEstimator::displacedPoints(
-    const StereoFrame& frame, const std::vector<Observation>& observations) const {
+    const StereoFrame& frame, const PooledVector<Observation>& observations) const {
   std::vector<Displaced> points;
   for (const Observation& o : observations) {
     const auto sighting = model_->triangulate(state_, frame.features[o.feature].pixels, config_.max_depth_m);

@@ -28,13 +28,13 @@ std::size_t landmarkAt(Eigen::Index row) { return static_cast<std::size_t>((row 
 } // namespace
 
 std::optional<RelativeUpdate> RelativeUpdate::make(const SparseRows& H, const Eigen::Matrix3d& noise,
-                                                   const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L) {
+                                                   const PooledMatrix& PHt, const PooledMatrix& L) {
   const Eigen::Index size = PHt.rows();
   if (2 * H.rows() < size) return std::nullopt;
   const auto& blocks = H.blocks();
   if (3 * static_cast<Eigen::Index>(blocks.size()) != 2 * H.rows()) return std::nullopt;
-  std::vector<bool> is_seen(static_cast<std::size_t>(size), false);
-  std::vector<Seen> seen;
+  PooledVector<bool> is_seen(static_cast<std::size_t>(size), false);
+  PooledVector<Seen> seen;
   for (std::size_t i = 0; i < blocks.size(); i += 2) {
     const auto &landmark = blocks[i], &body = blocks[i + 1];
     const auto row = 3 * static_cast<Eigen::Index>(i / 2);
@@ -47,26 +47,27 @@ std::optional<RelativeUpdate> RelativeUpdate::make(const SparseRows& H, const Ei
     if (!(landmark.value.norm() * inverse.norm() < kWorstCondition)) return std::nullopt;
     seen.push_back({landmark.column, inverse});
   }
-  std::vector<Eigen::Index> others;
+  PooledVector<Eigen::Index> others;
   for (Eigen::Index row = 0; row < size; row += 3) {
     if (!is_seen[static_cast<std::size_t>(row)]) others.push_back(row);
   }
   return RelativeUpdate(std::move(seen), std::move(others), noise, PHt, L);
 }
 
-RelativeUpdate::RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index> others,
-                               const Eigen::Matrix3d& noise, const Eigen::MatrixXd& PHt,
-                               const Eigen::MatrixXd& L)
+RelativeUpdate::RelativeUpdate(PooledVector<Seen> seen, PooledVector<Eigen::Index> others,
+                               const Eigen::Matrix3d& noise, const PooledMatrix& PHt, const PooledMatrix& L)
     : seen_(std::move(seen)),
       others_(std::move(others)),
       noise_(noise),
-      S_inverse_(L.triangularView<Eigen::Lower>()),
+      S_inverse_(L.rows(), L.cols()),
       weighted_(rowsOf(others_.size()), L.cols()) {
+  S_inverse_.triangularView<Eigen::Lower>() = L;
+  S_inverse_.triangularView<Eigen::StrictlyUpper>().setZero();
   for (std::size_t i = 0; i < others_.size(); ++i)
     weighted_.middleRows<3>(rowsOf(i)) = PHt.middleRows<3>(others_[i]);
-  L.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(weighted_);
+  divideByLowerTransposed(weighted_, L);
   gain_ = weighted_;
-  L.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(gain_);
+  divideByLower(gain_, L);
   // L^-1 is solved for from the right, like the gain: what is large and common to all rows of S is small in
   // S^-1 then, and not rounded away.
   invertLower(S_inverse_);
@@ -75,12 +76,12 @@ RelativeUpdate::RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index>
 }
 
 /// Of a landmark that is seen, K = J^-1 (I - R S^-1) and the position's.
-Eigen::MatrixXd RelativeUpdate::transposedGain() {
+PooledMatrix RelativeUpdate::transposedGain() {
   mirrorLower(S_inverse_);
-  Eigen::MatrixXd Kt(S_inverse_.rows(), rowsOf(seen_.size() + others_.size()));
+  PooledMatrix Kt(S_inverse_.rows(), rowsOf(seen_.size() + others_.size()));
   for (std::size_t i = 0; i < others_.size(); ++i)
     Kt.middleCols<3>(others_[i]) = gain_.middleRows<3>(rowsOf(i)).transpose();
-  const Eigen::MatrixXd position = gain_.topRows<3>().transpose();
+  const PooledMatrix position = gain_.topRows<3>().transpose();
   for (std::size_t i = 0; i < seen_.size(); ++i) {
     auto own = Kt.middleCols<3>(seen_[i].row);
     own = position;
@@ -92,10 +93,10 @@ Eigen::MatrixXd RelativeUpdate::transposedGain() {
 
 /// `cross` is K R J^-T, with what is seen relative to the body.
 RelativeUpdate::Others RelativeUpdate::correctOthers(const Eigen::Ref<const Eigen::MatrixXd>& P,
-                                                     const std::vector<Eigen::Matrix3d>& A,
-                                                     const std::vector<Eigen::Matrix3d>& M) const {
+                                                     const PooledVector<Eigen::Matrix3d>& A,
+                                                     const PooledVector<Eigen::Matrix3d>& M) const {
   const Eigen::Index rest = rowsOf(others_.size());
-  Others result{Eigen::MatrixXd(rest, rest), Eigen::MatrixXd(rest, rowsOf(seen_.size()))};
+  Others result{PooledMatrix(rest, rest), PooledMatrix(rest, rowsOf(seen_.size()))};
   auto& [own, cross] = result;
   for (std::size_t i = 0; i < others_.size(); ++i) {
     for (std::size_t j = 0; j < others_.size(); ++j)
@@ -122,8 +123,8 @@ RelativeUpdate::Others RelativeUpdate::correctOthers(const Eigen::Ref<const Eige
   return result;
 }
 
-void RelativeUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Eigen::Matrix3d>& M) const {
-  std::vector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
+void RelativeUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P, const PooledVector<Eigen::Matrix3d>& M) const {
+  PooledVector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
   for (const Seen& seen : seen_) {
     weighted_A.push_back(seen.J_inverse.transpose());
     if (!M.empty()) weighted_A.back() *= M[landmarkAt(seen.row)].transpose();
@@ -134,8 +135,8 @@ void RelativeUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Ei
     for (std::size_t j = 0; j <= i; ++j)
       P.block<3, 3>(others_[i], others_[j]) = own.block<3, 3>(rowsOf(i), rowsOf(j));
   }
-  const Eigen::MatrixXd with_position = cross.topRows<3>().transpose();
-  Eigen::MatrixXd column(S_inverse_.rows(), 3); // of cov(e_j - xi_p, e_k - xi_p), by A_j^T
+  const PooledMatrix with_position = cross.topRows<3>().transpose();
+  PooledMatrix column(S_inverse_.rows(), 3); // of cov(e_j - xi_p, e_k - xi_p), by A_j^T
   for (std::size_t k = 0; k < seen_.size(); ++k) {
     const Eigen::Index first = rowsOf(k), to = seen_[k].row;
     for (std::size_t i = 0; i < others_.size(); ++i)

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -17,7 +16,7 @@ constexpr double kTellingVelocity = 0.05; // m/s: a mean better than this tells 
 constexpr double kSlowest = 0.15;         // m/s: what such a mean may be at most
 
 template <typename T>
-void forgetBefore(std::deque<T>& items, Stamp stamp) {
+void forgetBefore(PooledDeque<T>& items, Stamp stamp) {
   while (!items.empty() && secondsBetween(items.front().stamp, stamp) > kWindow) items.pop_front();
 }
 
@@ -37,8 +36,8 @@ void StandstillDetector::addGyro(Stamp stamp, const Eigen::Vector3d& rate, const
 }
 
 void StandstillDetector::addFrame(const StereoFrame& frame) {
-  std::vector<double> motions;
-  std::unordered_map<FeatureId, StereoPixels> now;
+  PooledVector<double> motions;
+  PooledHashMap<FeatureId, StereoPixels> now;
   for (const StereoFeatureObservation& feature : frame.features) {
     if (!feature.pixels.allFinite()) continue;
     now[feature.id] = feature.pixels;
@@ -64,20 +63,20 @@ bool StandstillDetector::stands(Stamp now) const {
   return std::sqrt(velocity.variance.maxCoeff()) < kTellingVelocity && velocity.value.norm() < kSlowest;
 }
 
-bool StandstillDetector::coversWindow(const std::deque<Sample>& samples, Stamp now) {
+bool StandstillDetector::coversWindow(const PooledDeque<Sample>& samples, Stamp now) {
   return samples.size() >= kLeastSamples &&
          secondsBetween(samples.front().stamp, samples.back().stamp) >= kLeastSpan * kWindow &&
          secondsBetween(samples.back().stamp, now) <= kWindow - kLeastSpan;
 }
 
-bool StandstillDetector::agreesWithZero(const std::deque<Sample>& samples,
+bool StandstillDetector::agreesWithZero(const PooledDeque<Sample>& samples,
                                         const Eigen::Vector3d& bias_variance) {
   const Mean mean = meanOf(samples);
   const Eigen::Vector3d variance = mean.variance + bias_variance;
   return (mean.value.array().square() <= kSigmas * kSigmas * variance.array()).all();
 }
 
-StandstillDetector::Mean StandstillDetector::meanOf(const std::deque<Sample>& samples) {
+StandstillDetector::Mean StandstillDetector::meanOf(const PooledDeque<Sample>& samples) {
   Mean mean;
   for (const Sample& s : samples) {
     mean.value += s.value;

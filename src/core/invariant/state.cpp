@@ -15,7 +15,7 @@
 namespace vi_ekf_slam::invariant {
 namespace {
 
-using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
+using Rows3 = Pooled<Eigen::Matrix<double, 3, Eigen::Dynamic>>;
 
 // S over R, up to which S^-1 is had from K: rounding grows by as much.
 constexpr double kMostLearned = 1e4;
@@ -23,7 +23,7 @@ constexpr double kMostLearned = 1e4;
 } // namespace
 
 State::State(const Prior& prior, bool keeps_inactive, std::size_t deferred_bytes)
-    : covariance_(Eigen::MatrixXd::Zero(kLandmarks + 300, kLandmarks + 300)) {
+    : covariance_(PooledMatrix::Zero(kLandmarks + 300, kLandmarks + 300)) {
   if (keeps_inactive) inactive_.emplace(deferred_bytes);
   auto variances = covariance_.diagonal();
   variances.segment<6>(kPosition) = prior.pose_sigma.cwiseAbs2();
@@ -84,9 +84,11 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   auto P = covariance_.topLeftCorner(size(), size());
   Matrix6d mean_covariance = twist_covariance;
   mean_covariance.diagonal() += Q / 3.0;
-  Eigen::Matrix<double, Eigen::Dynamic, 12> left(size(), 12), right(size(), 12);
-  left << G, cross_start + 0.5 * G * mean_covariance;
-  right << left.rightCols<6>(), G;
+  Pooled<Eigen::Matrix<double, Eigen::Dynamic, 12>> left(size(), 12), right(size(), 12);
+  left.leftCols<6>() = right.rightCols<6>() = G;
+  left.rightCols<6>() = cross_start;
+  left.rightCols<6>().noalias() += G * (0.5 * mean_covariance);
+  right.leftCols<6>() = left.rightCols<6>();
   P.noalias() += left * right.transpose();
   const Columns6 cross = G * (0.5 * Q).asDiagonal();
   P.middleCols<6>(kTwist) += cross;
@@ -95,15 +97,15 @@ void State::addTwistNoise(const Columns6& G, double dt, const ProcessNoise& nois
   P.diagonal().segment<6>(kBias) += dt * noise.bias_density.cwiseAbs2();
 }
 
-Correction::Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::VectorXd& innovation,
-                       SparseRows H, const std::optional<Eigen::Matrix3d>& noise)
-    : PHt_(std::move(PHt)), L_(std::move(S)), H_(std::move(H)) {
+Correction::Correction(PooledMatrix PHt, PooledMatrix S, Pooled<Eigen::VectorXd> innovation, SparseRows H,
+                       const std::optional<Eigen::Matrix3d>& noise)
+    : PHt_(std::move(PHt)), L_(std::move(S)), H_(std::move(H)), weighted_(std::move(innovation)) {
   if (noise && L_.diagonal().maxCoeff() < kMostLearned * noise->diagonal().minCoeff()) noise_ = noise;
   if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(L_).info() != Eigen::Success) return; // in its place
-  weighted_ = L_.triangularView<Eigen::Lower>().solve(innovation);
+  L_.triangularView<Eigen::Lower>().solveInPlace(weighted_);
   nis_ = weighted_.squaredNorm();
   L_.transpose().triangularView<Eigen::Upper>().solveInPlace(weighted_);
-  error_.noalias() = PHt_ * weighted_;
+  error_ = PHt_ * weighted_;
   valid_ = nis_ >= 0.0 && error_.allFinite();
 }
 
@@ -112,9 +114,8 @@ std::optional<RelativeUpdate> Correction::relative() const {
 }
 
 /// `Kt` is K^T.
-KalmanUpdate Correction::takeUpdate(Eigen::MatrixXd Kt) {
-  if (noise_)
-    return {std::move(Kt), std::move(H_), std::move(weighted_), Eigen::MatrixXd(), noise_->inverse()};
+KalmanUpdate Correction::takeUpdate(PooledMatrix Kt) {
+  if (noise_) return {std::move(Kt), std::move(H_), std::move(weighted_), PooledMatrix(), noise_->inverse()};
   invertLower(L_);
   squareLower(L_);
   mirrorLower(L_);
@@ -126,26 +127,26 @@ KalmanUpdate Correction::takeUpdate(Eigen::MatrixXd Kt) {
 /// to the last digits.
 bool State::apply(Correction correction, const SE3* cam_T_imu) {
   if (!correction.isValid()) return false;
-  Eigen::MatrixXd& A = correction.PHt_;
+  PooledMatrix& A = correction.PHt_;
   if (inactive_ && correction.H_.rows() != A.cols())
     throw std::logic_error("a state that keeps inactive landmarks needs the measurement matrix");
   auto P = covariance_.topLeftCorner(size(), size());
   if (auto relative = correction.relative()) {
     if (!relative->isFinite()) return false;
     if (inactive_) record(correction.takeUpdate(relative->transposedGain()));
-    std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
+    PooledVector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
     relative->correct(P, M);
     if (!M.empty()) record(Transport{std::move(M)});
     return true;
   }
-  correction.L_.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(A);
+  divideByLowerTransposed(A, correction.L_);
   if (!A.allFinite()) return false;
   subtractSquare(P, A);
   if (inactive_) {
-    correction.L_.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(A);
+    divideByLower(A, correction.L_);
     record(correction.takeUpdate(A.transpose()));
   }
-  std::vector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
+  PooledVector<Eigen::Matrix3d> M = retract(correction.error_, cam_T_imu);
   if (!M.empty()) {
     transport(M);
     record(Transport{std::move(M)});
@@ -163,7 +164,7 @@ bool State::apply(Correction correction, const SE3* cam_T_imu) {
 /// error is re-expressed at the new point so that its covariance in those coordinates is unchanged: with
 /// straight coordinates the noise of far points' depth turns into a bias of scale.
 /// Returns, landmark by landmark, M of that re-expression (see transport); nothing without `cam_T_imu`.
-std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const SE3* cam_T_imu) {
+PooledVector<Eigen::Matrix3d> State::retract(const Pooled<Eigen::VectorXd>& error, const SE3* cam_T_imu) {
   const Eigen::Vector3d xi_p = error.segment<3>(kPosition), xi_R = error.segment<3>(kRotation);
   pose_ = SE3(so3::Exp(xi_R) * pose_.rotation(), pose_.translation() + xi_p + xi_R.cross(pose_.translation()))
               .normalized();
@@ -171,7 +172,7 @@ std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const 
   bias_ += error.segment<6>(kBias);
   const SE3 cam_T_world = cam_T_imu ? *cam_T_imu * pose_.inverse() : SE3();
   const SE3 world_T_cam = cam_T_world.inverse();
-  std::vector<Eigen::Matrix3d> M(cam_T_imu ? landmarks_.size() : 0, Eigen::Matrix3d::Identity());
+  PooledVector<Eigen::Matrix3d> M(cam_T_imu ? landmarks_.size() : 0, Eigen::Matrix3d::Identity());
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     Eigen::Vector3d& m = landmarks_[i].position;
     const Eigen::Vector3d d = error.segment<3>(offsetOf(i)) + xi_R.cross(m);
@@ -190,7 +191,7 @@ std::vector<Eigen::Matrix3d> State::retract(const Eigen::VectorXd& error, const 
 
 /// Re-expresses the landmarks' errors relative to the body: (e_j - xi_p) <- M_j (e_j - xi_p). P <- T P T^T,
 /// column by column and then row by row, of the lower triangle.
-void State::transport(const std::vector<Eigen::Matrix3d>& M) {
+void State::transport(const PooledVector<Eigen::Matrix3d>& M) {
   auto P = covariance_.topLeftCorner(size(), size());
   Rows3 position = P.middleCols<3>(kPosition).transpose(); // the body's rows of P T^T
   const Eigen::Matrix3d base = position.middleCols<3>(kPosition);
@@ -215,7 +216,7 @@ void State::transport(const std::vector<Eigen::Matrix3d>& M) {
 void State::reserve(Eigen::Index size) {
   if (size <= covariance_.rows()) return;
   const Eigen::Index used = this->size();
-  Eigen::MatrixXd larger(2 * size, 2 * size);
+  PooledMatrix larger(2 * size, 2 * size);
   larger.topLeftCorner(used, used) = covariance_.topLeftCorner(used, used);
   covariance_.swap(larger);
 }
@@ -248,8 +249,8 @@ void State::dropLandmark(std::size_t index) {
   landmarks_.pop_back();
 }
 
-std::unordered_map<FeatureId, std::size_t> State::indexById() const {
-  std::unordered_map<FeatureId, std::size_t> index;
+PooledHashMap<FeatureId, std::size_t> State::indexById() const {
+  PooledHashMap<FeatureId, std::size_t> index(landmarks_.size());
   for (std::size_t i = 0; i < landmarks_.size(); ++i) index.emplace(landmarks_[i].id, i);
   return index;
 }

@@ -1,5 +1,6 @@
 // What State does with its inactive landmarks.
 
+#include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/so3.hpp"
 
@@ -11,10 +12,10 @@ void State::deactivateLandmark(std::size_t index, const Eigen::Matrix3d& slid) {
   const Eigen::Index row = offsetOf(index), last = size() - 3;
   const Eigen::Matrix3d own = landmarkCovariance(index) + slid;
   const auto P = covariance();
-  InactiveMap::Columns3 cross =
-      P.middleCols<3>(row) + P.middleCols<3>(kRotation) * so3::hat(landmark.position); // -[m]x^T = [m]x
-  if (row != last) cross.middleRows<3>(row) = cross.middleRows<3>(last).eval();
-  cross.conservativeResize(last, Eigen::NoChange);
+  const Eigen::Matrix3d M = so3::hat(landmark.position); // -[m]x^T = [m]x
+  InactiveMap::Columns3 cross = P.middleCols<3>(row).topRows(last);
+  addTurned(P.middleCols<3>(kRotation).topRows(last), M, cross);
+  if (row != last) cross.middleRows<3>(row) = P.block<3, 3>(last, row) + P.block<3, 3>(last, kRotation) * M;
   inactive_->add(landmark, own, std::move(cross), row, last);
   dropLandmark(index);
 }

@@ -24,10 +24,10 @@ std::optional<Observation> StereoModel::observe(const State& state, std::size_t 
   return observation;
 }
 
-Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
-                                             const std::vector<Observation>& observations) const {
+PooledMatrix StereoModel::crossCovariance(const State& state,
+                                          const PooledVector<Observation>& observations) const {
   const auto P = state.covariance();
-  Eigen::MatrixXd PHt(state.size(), rowsOf(observations.size()));
+  PooledMatrix PHt(state.size(), rowsOf(observations.size()));
   Eigen::Index column = 0;
   for (const Observation& o : observations) {
     turnedFrom(P.middleCols<3>(kPosition), P.middleCols<3>(State::offsetOf(o.landmark)),
@@ -37,9 +37,9 @@ Eigen::MatrixXd StereoModel::crossCovariance(const State& state,
   return PHt;
 }
 
-Eigen::MatrixXd StereoModel::innovationCovariance(const std::vector<Observation>& observations,
-                                                  const Eigen::MatrixXd& PHt) const {
-  Eigen::MatrixXd S(PHt.cols(), PHt.cols());
+PooledMatrix StereoModel::innovationCovariance(const PooledVector<Observation>& observations,
+                                               const PooledMatrix& PHt) const {
+  PooledMatrix S(PHt.cols(), PHt.cols());
   for (std::size_t j = 0; j < observations.size(); ++j) {
     const Eigen::Index column = rowsOf(j);
     const Eigen::Matrix3d position = PHt.block<3, 3>(kPosition, column);
@@ -68,15 +68,15 @@ std::optional<StereoModel::Sighting> StereoModel::triangulate(const State& state
   return Sighting{world_T_cam * *q, J * J.transpose()};
 }
 
-Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations) {
-  Eigen::VectorXd innovations(rowsOf(observations.size()));
+Pooled<Eigen::VectorXd> stackInnovations(const PooledVector<Observation>& observations) {
+  Pooled<Eigen::VectorXd> innovations(rowsOf(observations.size()), 1);
   for (std::size_t i = 0; i < observations.size(); ++i) {
     innovations.segment<3>(3 * static_cast<Eigen::Index>(i)) = observations[i].innovation;
   }
   return innovations;
 }
 
-SparseRows measurementMatrix(const std::vector<Observation>& observations) {
+SparseRows measurementMatrix(const PooledVector<Observation>& observations) {
   SparseRows H(rowsOf(observations.size()));
   Eigen::Index row = 0;
   for (const Observation& o : observations) {

@@ -19,12 +19,12 @@ constexpr double kJointGate = 5.0; // of the joint chi-square, per degree of fre
 Eigen::Index rowOf(std::size_t twin) { return 3 * static_cast<Eigen::Index>(twin); }
 
 /// The twins that agree, each by itself and once `h` is believed.
-std::vector<bool> agreeing(const Eigen::MatrixXd& S, const Eigen::VectorXd& innovation, std::size_t h) {
+PooledVector<bool> agreeing(const PooledMatrix& S, const Pooled<Eigen::VectorXd>& innovation, std::size_t h) {
   const Eigen::Index column = rowOf(h);
   const Eigen::Matrix3d own = S.block<3, 3>(column, column);
   const Eigen::Vector3d own_innovation = innovation.segment<3>(column);
   const Eigen::Vector3d weighted = solvePositive(own, own_innovation);
-  std::vector<bool> agrees(static_cast<std::size_t>(S.rows() / 3), false);
+  PooledVector<bool> agrees(static_cast<std::size_t>(S.rows() / 3), false);
   if (!(own_innovation.dot(weighted) < kCommonGate)) return agrees;
   for (std::size_t j = 0; j < agrees.size(); ++j) {
     const Eigen::Index row = rowOf(j);
@@ -46,8 +46,8 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
   // m_now = m_before, and both turn alike: e_now - e_before = m^_before - m^_now.
   const Eigen::Index rows = rowOf(twins.size());
   const auto P = state.covariance();
-  Eigen::MatrixXd PHt(state.size(), rows), S(rows, rows);
-  Eigen::VectorXd innovation(rows);
+  PooledMatrix PHt(state.size(), rows), S(rows, rows);
+  Pooled<Eigen::VectorXd> innovation(rows, 1);
   for (std::size_t i = 0; i < twins.size(); ++i) {
     PHt.middleCols<3>(rowOf(i)) =
         P.middleCols<3>(State::offsetOf(twins[i].now)) - P.middleCols<3>(State::offsetOf(twins[i].before));
@@ -58,13 +58,13 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
     S.middleRows<3>(rowOf(i)) = PHt.middleRows<3>(State::offsetOf(twins[i].now)) -
                                 PHt.middleRows<3>(State::offsetOf(twins[i].before));
   }
-  S = (0.5 * (S + S.transpose())).eval();
+  S = 0.5 * (S + S.transpose());
   S.diagonal().array() += sigma * sigma;
 
-  std::vector<bool> best(twins.size(), false);
+  PooledVector<bool> best(twins.size(), false);
   std::ptrdiff_t most = 0;
   for (std::size_t h = 0; h < twins.size(); ++h) {
-    std::vector<bool> agrees = agreeing(S, innovation, h);
+    PooledVector<bool> agrees = agreeing(S, innovation, h);
     const std::ptrdiff_t count = std::count(agrees.begin(), agrees.end(), true);
     if (count <= most) continue;
     most = count;
@@ -81,7 +81,7 @@ TwinFusion fuseTwins(State& state, const std::vector<Twin>& twins, std::size_t l
     row += 3;
   }
   keepChosen(best, PHt, S, innovation);
-  Correction correction(std::move(PHt), std::move(S), innovation, std::move(H));
+  Correction correction(std::move(PHt), std::move(S), std::move(innovation), std::move(H));
   if (!correction.isValid() || !(correction.nis() <= kJointGate * 3.0 * static_cast<double>(most)))
     return result;
   result.nis = correction.nis();

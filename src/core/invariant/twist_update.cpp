@@ -8,7 +8,7 @@ void measureTwist(State& state, Eigen::Index axis, const Eigen::Vector3d& measur
                   const Eigen::Matrix3d& noise) {
   const Eigen::Index twist = kTwist + axis, bias = kBias + axis;
   const auto P = state.covariance();
-  Eigen::MatrixXd PHt = P.middleCols<3>(twist) + P.middleCols<3>(bias);
+  PooledMatrix PHt = P.middleCols<3>(twist) + P.middleCols<3>(bias);
   const Eigen::Matrix3d S = PHt.middleRows<3>(twist) + PHt.middleRows<3>(bias) + noise;
   const Eigen::Vector3d innovation =
       measured - state.twist().segment<3>(axis) - state.bias().segment<3>(axis);
@@ -19,7 +19,7 @@ void measureTwist(State& state, Eigen::Index axis, const Eigen::Vector3d& measur
 }
 
 void measureStandstill(State& state, const Vector6d& sigma) {
-  Eigen::MatrixXd PHt = state.covariance().middleCols<6>(kTwist);
+  PooledMatrix PHt = state.covariance().middleCols<6>(kTwist);
   Matrix6d S = PHt.middleRows<6>(kTwist);
   S.diagonal() += sigma.cwiseAbs2();
   SparseRows H(6);

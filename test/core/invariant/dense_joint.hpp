@@ -18,7 +18,7 @@ struct DenseJoint {
       : pose(state.pose()),
         twist(state.twist()),
         bias(state.bias()),
-        active(state.landmarks()),
+        active(state.landmarks().begin(), state.landmarks().end()),
         P(state.covariance()) {}
 
   Eigen::Index offset(std::size_t i) const { return State::offsetOf(i); }

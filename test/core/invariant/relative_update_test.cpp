@@ -38,7 +38,7 @@ struct Measured {
   /// What the update is made of.
   std::optional<RelativeUpdate> update(const State& state) const {
     const Update update = updateOf(state, dense, noiseOf(H.rows()));
-    return RelativeUpdate::make(H, kPixels, update.PHt, update.S.llt().matrixL());
+    return RelativeUpdate::make(H, kPixels, update.PHt, Eigen::MatrixXd(update.S.llt().matrixL()));
   }
 
   SparseRows H;
@@ -70,7 +70,7 @@ TEST(RelativeUpdate, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
     with_gain->correct(after_gain, {});
     EXPECT_EQ(distance(after_gain, still), 0.0);
 
-    std::vector<Eigen::Matrix3d> M;
+    PooledVector<Eigen::Matrix3d> M;
     Eigen::MatrixXd T = Eigen::MatrixXd::Identity(P.rows(), P.cols());
     for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
       M.push_back(Eigen::Matrix3d::Identity() + 0.1 * randomMatrix(random, 3, 3));

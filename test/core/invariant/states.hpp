@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "../numeric.hpp"
 #include "../covariances.hpp"
+#include "../numeric.hpp"
 #include "../street.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
@@ -146,9 +146,9 @@ inline void expectCovariance(const State& state) {
 }
 
 /// All landmarks of `state` seen `offset` px from where they are expected.
-inline std::vector<Observation> observationsOf(const StereoModel& model, const State& state, double offset,
-                                               Random& random) {
-  std::vector<Observation> observations;
+inline PooledVector<Observation> observationsOf(const StereoModel& model, const State& state, double offset,
+                                                Random& random) {
+  PooledVector<Observation> observations;
   const SE3 cam_T_world = model.rig().cam_T_imu * state.pose().inverse();
   for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
     const StereoPixels expected = model.rig().camera.project(cam_T_world * state.landmarks()[i].position);
@@ -174,9 +174,9 @@ inline State seenState(const StereoModel& model, unsigned seed, std::size_t land
 }
 
 /// `frame` feature by feature, against the landmark of the same index.
-inline std::vector<Observation> observe(const StereoModel& model, const State& state,
-                                        const StereoFrame& frame) {
-  std::vector<Observation> observations;
+inline PooledVector<Observation> observe(const StereoModel& model, const State& state,
+                                         const StereoFrame& frame) {
+  PooledVector<Observation> observations;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     auto seen = model.observe(state, i, frame.features[i].pixels);
     if (!seen) continue;

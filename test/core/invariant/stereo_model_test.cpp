@@ -45,7 +45,7 @@ TEST(InvariantStereo, StacksPHtAndS) {
   Random random(12);
   const StereoModel model(exampleRig(), 0.7, 0.5);
   const State state = busyState(random);
-  std::vector<Observation> observations = observationsOf(model, state, 1.0, random);
+  PooledVector<Observation> observations = observationsOf(model, state, 1.0, random);
   std::swap(observations[0], observations[2]);
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(9, state.size());
   for (std::size_t i = 0; i < 3; ++i) {
@@ -83,7 +83,7 @@ TEST(InvariantStereo, TriangulatesWithinItsRange) {
   const auto seen = model.observe(state, 1, pixels(20.0));
   ASSERT_TRUE(seen);
   EXPECT_LT(seen->innovation.norm(), 1e-9);
-  const std::vector<Observation> one{*seen};
+  const PooledVector<Observation> one{*seen};
   const Eigen::MatrixXd S = model.innovationCovariance(one, model.crossCovariance(state, one));
   EXPECT_LT(distance(S, 2.0 * model.noise()), 1e-9);
 }

@@ -38,6 +38,16 @@ TEST_P(Triangular, InverseTimesTheMatrixIsTheIdentity) {
   EXPECT_LT(distance(belowOf(T) * belowOf(L), Eigen::MatrixXd::Identity(L.rows(), L.cols())), 1e-11);
 }
 
+TEST_P(Triangular, QuotientTimesTheMatrixIsTheDividend) {
+  Random random(4);
+  const Eigen::MatrixXd L = lowerOf(random, GetParam()), X = randomMatrix(random, 20, GetParam());
+  Eigen::MatrixXd Y = X, Z = X;
+  divideByLower(Y, L);
+  divideByLowerTransposed(Z, L);
+  EXPECT_LT(distance(Y * belowOf(L), X), 1e-12 * (1.0 + X.norm()));
+  EXPECT_LT(distance(Z * belowOf(L).transpose(), X), 1e-12 * (1.0 + X.norm()));
+}
+
 TEST_P(Triangular, SquareIsTheProductOfTheTransposeAndTheMatrix) {
   Random random(2);
   const Eigen::MatrixXd T = lowerOf(random, GetParam());
@@ -48,15 +58,13 @@ TEST_P(Triangular, SquareIsTheProductOfTheTransposeAndTheMatrix) {
   EXPECT_LT(distance(belowOf(square), expected), 1e-13 * (1.0 + expected.norm()));
 }
 
-TEST_P(Triangular, LowerProductIsAddedAndNothingAbove) {
+TEST_P(Triangular, SquareOfAnotherIsAddedAndNothingAbove) {
   Random random(3);
-  const Eigen::Index size = GetParam();
-  const Eigen::MatrixXd A = randomMatrix(random, size, 20), B = A * randomMatrix(random, 20, 20);
-  const Eigen::MatrixXd before = lowerOf(random, size);
+  const Eigen::MatrixXd A = randomMatrix(random, 20, GetParam()), before = lowerOf(random, GetParam());
   Eigen::MatrixXd C = before;
-  addLowerProduct(C, B, A.transpose());
+  addLowerSquare(C, A);
   expectUntouchedAbove(C);
-  EXPECT_LT(distance(belowOf(C), belowOf(before) + belowOf(B * A.transpose())), 1e-12 * (1.0 + C.norm()));
+  EXPECT_LT(distance(belowOf(C), belowOf(before) + belowOf(A.transpose() * A)), 1e-12 * (1.0 + C.norm()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, Triangular, ::testing::Values(1, 3, 47, 48, 49, 96, 145, 301));

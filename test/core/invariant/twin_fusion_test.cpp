@@ -86,7 +86,7 @@ TEST(TwinFusion, LeavesOutWhatIsNotWhereItWas) {
     loop.leadAstray(2, {2.0, -1.0, 0.5});
     loop.leadAstray(4, {-1.5, 0.3, 0.8});
     const TwinFusion fusion = fuseTwins(loop.state, loop.twins, 3, 1e-3);
-    EXPECT_EQ(fusion.fused, (std::vector<bool>{true, true, false, true, false, true})) << seed;
+    EXPECT_EQ(fusion.fused, (PooledVector<bool>{true, true, false, true, false, true})) << seed;
   }
 }
 

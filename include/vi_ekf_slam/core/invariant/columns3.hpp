@@ -37,6 +37,16 @@ void turnedFrom(const Base& base, const Columns& X, const Eigen::Matrix3d& A, Re
   });
 }
 
+/// X <- X A, for n x 3 columns.
+template <class Columns>
+void turn(Columns&& X, const Eigen::Matrix3d& A) {
+  eachRows(X.rows(), [&](Eigen::Index row, auto count) {
+    constexpr int kRows = decltype(count)::value;
+    const Eigen::Matrix<double, kRows, 3> own = X.template middleRows<kRows>(row);
+    X.template middleRows<kRows>(row).noalias() = own * A;
+  });
+}
+
 /// result += X A, for n x 3 columns.
 template <class Result, class Columns>
 void addTurned(const Columns& X, const Eigen::Matrix3d& A, Result&& result) {

@@ -14,7 +14,7 @@ namespace vi_ekf_slam::invariant {
 /// (n x 3).
 struct Departure {
   InactiveLandmark inactive;
-  Eigen::Matrix<double, Eigen::Dynamic, 3> cross;
+  Pooled<Eigen::Matrix<double, Eigen::Dynamic, 3>> cross;
   std::uint64_t serial;
 };
 
@@ -81,7 +81,7 @@ class Composition {
   std::unique_ptr<ForwardSweep> sweep_;
   /// Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep
   /// takes along.
-  Eigen::MatrixXd leaving_;
+  PooledMatrix leaving_;
 };
 
 } // namespace vi_ekf_slam::invariant

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
 
@@ -14,8 +13,8 @@ namespace vi_ekf_slam::invariant {
 /// `S` and `noise` are StereoModel's. `threshold` bounds the sum of the four squared pixel residuals, px^2;
 /// an observation that is not `plausible` takes no part. Returns, observation by observation, whether it
 /// belongs to the largest set that agrees.
-std::vector<bool> largestConsensus(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                                   const Eigen::Matrix3d& noise, double threshold,
-                                   const std::vector<bool>& plausible);
+PooledVector<bool> largestConsensus(const PooledVector<Observation>& observations, const PooledMatrix& S,
+                                    const Eigen::Matrix3d& noise, double threshold,
+                                    const PooledVector<bool>& plausible);
 
 } // namespace vi_ekf_slam::invariant

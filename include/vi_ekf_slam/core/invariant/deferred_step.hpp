@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <variant>
-#include <vector>
 
 #include "vi_ekf_slam/core/invariant/kept_matrix.hpp"
 #include "vi_ekf_slam/core/invariant/sparse_rows.hpp"
@@ -16,21 +15,21 @@ namespace vi_ekf_slam::invariant {
 ///
 /// x += G dnu.
 struct Propagation {
-  Eigen::Matrix<double, Eigen::Dynamic, 6> G;
+  Pooled<Eigen::Matrix<double, Eigen::Dynamic, 6>> G;
 };
 
 /// Kalman update x -= K H x, for the innovation nu of covariance S.
 struct KalmanUpdate {
   KeptMatrix Kt; ///< K^T
   SparseRows H;
-  Eigen::VectorXd y;         ///< S^-1 nu
-  Eigen::MatrixXd S_inverse; ///< empty: it is R^-1 (I - H K), for R of equal 3x3 blocks
+  Pooled<Eigen::VectorXd> y; ///< S^-1 nu
+  PooledMatrix S_inverse;    ///< empty: it is R^-1 (I - H K), for R of equal 3x3 blocks
   Eigen::Matrix3d R_inverse; ///< the block's inverse
 };
 
 /// Landmark by landmark e_j - xi_p <- M_j (e_j - xi_p).
 struct Transport {
-  std::vector<Eigen::Matrix3d> M;
+  PooledVector<Eigen::Matrix3d> M;
 };
 
 /// One landmark more, last: its e is xi_p and noise.
@@ -127,8 +126,8 @@ class ForwardSweep {
 
   /// To the time after `step`.
   void forward(const DeferredStep& step);
-  /// Three errors y more, of covariance `cross` (3 x size()) with x.
-  void append(const Eigen::Matrix<double, 3, Eigen::Dynamic>& cross);
+  /// Three errors y more, with which x has the covariance `cross` (size() x 3).
+  void append(const Pooled<Eigen::Matrix<double, Eigen::Dynamic, 3>>& cross);
 
   Eigen::Index size() const { return columns_; }
   auto X() const { return X_.topLeftCorner(rows_, columns_); }
@@ -146,7 +145,7 @@ class ForwardSweep {
   auto active() { return X_.topLeftCorner(rows_, columns_); }
 
   Eigen::Index rows_, columns_;
-  Eigen::MatrixXd X_, gram_;
+  PooledMatrix X_, gram_;
   Eigen::VectorXd learned_;
 };
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
@@ -11,8 +10,8 @@ namespace vi_ekf_slam::invariant {
 
 /// What a frame's observations did.
 struct FrameOutcome {
-  std::vector<bool> used; ///< observation by observation: it corrected the state
-  bool rejected = false;  ///< the frame contradicts the state as a whole; nothing was changed
+  PooledVector<bool> used; ///< observation by observation: it corrected the state
+  bool rejected = false;   ///< the frame contradicts the state as a whole; nothing was changed
   /// Normalised innovations squared of the plausible observations, each judged by itself, summed. The ones
   /// that were used would not do: picking those that agree makes them look better than they are.
   double nis = 0.0;
@@ -31,7 +30,7 @@ class FrameUpdate {
   FrameUpdate(const InvariantConfig& config, const StereoModel& model) : config_(config), model_(model) {}
 
   /// `observations` are those of `frame` against `state`.
-  FrameOutcome apply(State& state, const StereoFrame& frame, std::vector<Observation> observations,
+  FrameOutcome apply(State& state, const StereoFrame& frame, PooledVector<Observation> observations,
                      const Manoeuvre& manoeuvre) const;
 
  private:
@@ -40,15 +39,15 @@ class FrameUpdate {
     Correction correction;
   };
 
-  std::optional<Plan> makePlan(const State& state, const std::vector<Observation>& observations) const;
-  std::vector<bool> choose(const std::vector<Observation>& observations, const Eigen::MatrixXd& S,
-                           const std::vector<double>& nis) const;
-  bool mayBeManoeuvre(const std::vector<Observation>& observations, const Manoeuvre& manoeuvre) const;
-  bool allowManoeuvre(State& state, const StereoFrame& frame, std::vector<Observation>& observations,
+  std::optional<Plan> makePlan(const State& state, const PooledVector<Observation>& observations) const;
+  PooledVector<bool> choose(const PooledVector<Observation>& observations, const PooledMatrix& S,
+                            const PooledVector<double>& nis) const;
+  bool mayBeManoeuvre(const PooledVector<Observation>& observations, const Manoeuvre& manoeuvre) const;
+  bool allowManoeuvre(State& state, const StereoFrame& frame, PooledVector<Observation>& observations,
                       const Manoeuvre& manoeuvre) const;
   std::optional<Observation> observeAgain(const State& state, const StereoFrame& frame,
                                           const Observation& observation) const;
-  void rescue(State& state, const StereoFrame& frame, const std::vector<Observation>& observations,
+  void rescue(State& state, const StereoFrame& frame, const PooledVector<Observation>& observations,
               FrameOutcome& outcome) const;
 
   const InvariantConfig& config_;

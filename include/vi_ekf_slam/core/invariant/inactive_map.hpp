@@ -20,7 +20,7 @@ namespace vi_ekf_slam::invariant {
 /// stretches, little by little, as landmarks leave, and settled when a landmark is wanted back.
 class InactiveMap {
  public:
-  using Columns3 = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+  using Columns3 = Pooled<Eigen::Matrix<double, Eigen::Dynamic, 3>>;
 
   /// Steps are composed once enough landmarks have left, or half of this memory is full; all at once where
   /// it is full.

@@ -53,10 +53,10 @@ class InvariantEstimator : public Estimator {
   Matrix6d poseCovariance() const;
   bool isSound(bool thoroughly) const;
   void keepSound(bool thoroughly);
-  Divergence judge(const StereoFrame& frame, const std::vector<Observation>& observations,
+  Divergence judge(const StereoFrame& frame, const PooledVector<Observation>& observations,
                    const FrameOutcome& outcome);
   std::vector<Displaced> displacedPoints(const StereoFrame& frame,
-                                         const std::vector<Observation>& observations) const;
+                                         const PooledVector<Observation>& observations) const;
   bool isJump(const SE3& motion) const;
   void followJump(const SE3& motion);
   void doubtAll();
@@ -65,18 +65,18 @@ class InvariantEstimator : public Estimator {
   void doubt(const SE3& motion, const Matrix6d& covariance);
   Manoeuvre manoeuvreSince(std::optional<Stamp> last_frame) const;
   bool isUsable(const StereoPixels& pixels) const;
-  std::vector<Observation> match(const StereoFrame& frame, const std::vector<std::size_t>& usable,
-                                 std::vector<std::size_t>& unknown, std::vector<bool>& seen) const;
-  void remove(const std::vector<bool>& keep, FrameReport& report);
-  void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
+  PooledVector<Observation> match(const StereoFrame& frame, const PooledVector<std::size_t>& usable,
+                                  PooledVector<std::size_t>& unknown, PooledVector<bool>& seen) const;
+  void remove(const PooledVector<bool>& keep, FrameReport& report);
+  void initialise(const StereoFrame& frame, const PooledVector<std::size_t>& features, FrameReport& report);
   LandmarkEstimate estimateOf(std::size_t landmark) const;
   std::vector<LandmarkEstimate> landmarks(InactiveMap::Covariances covariances) const;
   void retire(std::size_t landmark);
   Eigen::Matrix3d slideOf(const Landmark& landmark) const;
   void boundInactive();
   void archiveInactive();
-  void keepRecalled(const StereoFrame& frame, const std::vector<std::size_t>& unknown,
-                    std::vector<bool>& keep, FrameReport& report);
+  void keepRecalled(const StereoFrame& frame, const PooledVector<std::size_t>& unknown,
+                    PooledVector<bool>& keep, FrameReport& report);
   void revisit(FrameReport& report);
   std::size_t fuseReturned(std::vector<FeatureId> ids, std::size_t least);
   void resume(Stamp stamp);
@@ -122,7 +122,7 @@ class InvariantEstimator : public Estimator {
   std::optional<Stamp> last_frame_;
   std::optional<GyroSample> last_gyro_;
   bool gyro_graded_ = false, velocity_graded_ = false; ///< see gradeBias
-  std::unordered_set<FeatureId> outcasts_;             ///< tracks in view that contradicted the world
+  PooledHashSet<FeatureId> outcasts_;                  ///< tracks in view that contradicted the world
   std::size_t last_used_ = 0;                          ///< features used by the last frame
   Archive archive_;
   std::unordered_map<FeatureId, int> recalled_; ///< expected back in view, and for how many frames more

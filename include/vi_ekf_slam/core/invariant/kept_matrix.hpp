@@ -4,12 +4,14 @@
 #include <memory>
 #include <utility>
 
+#include "vi_ekf_slam/core/pooled_matrix.hpp"
+
 namespace vi_ekf_slam::invariant {
 
 /// A matrix that does not change any more, which copies share.
 class KeptMatrix {
  public:
-  KeptMatrix(Eigen::MatrixXd matrix); // NOLINT(google-explicit-constructor): it is one
+  KeptMatrix(PooledMatrix matrix); // NOLINT(google-explicit-constructor): it is one
 
   Eigen::Map<const Eigen::MatrixXd> operator*() const { return {data_.get(), rows_, cols_}; }
 
@@ -29,7 +31,7 @@ class MatrixStore {
   MatrixStore();
 
   /// The matrix, from now on in here. Throws std::bad_alloc.
-  KeptMatrix keep(const KeptMatrix& matrix);
+  KeptMatrix keep(const Eigen::Ref<const Eigen::MatrixXd>& matrix);
 
   /// An empty one that uses the pieces which this one does not need any more: for matrices that live longer.
   MatrixStore another() const { return MatrixStore(pool_); }

@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <vector>
 
 #include "vi_ekf_slam/core/invariant/sparse_rows.hpp"
+#include "vi_ekf_slam/core/pooled_matrix.hpp"
 
 namespace vi_ekf_slam::invariant {
 
@@ -21,16 +21,16 @@ class RelativeUpdate {
   /// From P H^T (n x rows), the lower triangular factor of S, and R. Nothing where H is another one, or where
   /// so few of the landmarks are measured that the general form is faster.
   static std::optional<RelativeUpdate> make(const SparseRows& H, const Eigen::Matrix3d& noise,
-                                            const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L);
+                                            const PooledMatrix& PHt, const PooledMatrix& L);
 
   bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
 
   /// K^T (rows x n).
-  Eigen::MatrixXd transposedGain();
+  PooledMatrix transposedGain();
 
   /// P <- T (P - K S K^T) T^T, where T re-expresses the landmarks' errors relative to the body, e_j - xi_p <-
   /// M_j (e_j - xi_p), or is the identity where M is empty.
-  void correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Eigen::Matrix3d>& M) const;
+  void correct(Eigen::Ref<Eigen::MatrixXd> P, const PooledVector<Eigen::Matrix3d>& M) const;
 
  private:
   struct Seen {
@@ -39,21 +39,21 @@ class RelativeUpdate {
   };
 
   struct Others {
-    Eigen::MatrixXd own;   ///< covariance of the errors of what is not seen
-    Eigen::MatrixXd cross; ///< with e_i - xi_p of what is
+    PooledMatrix own;   ///< covariance of the errors of what is not seen
+    PooledMatrix cross; ///< with e_i - xi_p of what is
   };
 
-  RelativeUpdate(std::vector<Seen> seen, std::vector<Eigen::Index> others, const Eigen::Matrix3d& noise,
-                 const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L);
-  Others correctOthers(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Matrix3d>& A,
-                       const std::vector<Eigen::Matrix3d>& M) const;
+  RelativeUpdate(PooledVector<Seen> seen, PooledVector<Eigen::Index> others, const Eigen::Matrix3d& noise,
+                 const PooledMatrix& PHt, const PooledMatrix& L);
+  Others correctOthers(const Eigen::Ref<const Eigen::MatrixXd>& P, const PooledVector<Eigen::Matrix3d>& A,
+                       const PooledVector<Eigen::Matrix3d>& M) const;
 
-  std::vector<Seen> seen_;
-  std::vector<Eigen::Index> others_; // each the first of three rows of the state; the position's come first
+  PooledVector<Seen> seen_;
+  PooledVector<Eigen::Index> others_; // each the first of three rows of the state; the position's come first
   Eigen::Matrix3d noise_;
-  Eigen::MatrixXd S_inverse_; // up to its 3x3 diagonal blocks; the whole once the gain was asked for
-  Eigen::MatrixXd weighted_;  // of the others: P H^T L^-T
-  Eigen::MatrixXd gain_;      // of the others: P H^T S^-1
+  PooledMatrix S_inverse_; // up to its 3x3 diagonal blocks; the whole once the gain was asked for
+  PooledMatrix weighted_;  // of the others: P H^T L^-T
+  PooledMatrix gain_;      // of the others: P H^T S^-1
 };
 
 } // namespace vi_ekf_slam::invariant

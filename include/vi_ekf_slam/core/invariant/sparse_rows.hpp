@@ -1,9 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
+#include "vi_ekf_slam/core/pooled_matrix.hpp"
 
 namespace vi_ekf_slam::invariant {
 
@@ -25,13 +25,13 @@ class SparseRows {
 
   Eigen::Index rows() const { return rows_; }
   /// In the order in which they were added.
-  const std::vector<Block>& blocks() const { return blocks_; }
+  const PooledVector<Block>& blocks() const { return blocks_; }
   std::size_t bytes() const { return blocks_.size() * sizeof(Block); }
 
   /// X H^T (m x rows()), for X (m x n).
   template <class Other>
-  Eigen::MatrixXd timesTransposed(const Eigen::MatrixBase<Other>& X) const {
-    Eigen::MatrixXd result = Eigen::MatrixXd::Zero(X.rows(), rows_);
+  PooledMatrix timesTransposed(const Eigen::MatrixBase<Other>& X) const {
+    PooledMatrix result = PooledMatrix::Zero(X.rows(), rows_);
     for (const Block& b : blocks_)
       addTurned(X.template middleCols<3>(b.column), b.value.transpose(), result.middleCols<3>(b.row));
     return result;
@@ -39,16 +39,16 @@ class SparseRows {
 
   /// P -= X H + (X H)^T, for symmetric P (n x n) and X (n x rows()).
   template <class Symmetric>
-  void subtractSymmetric(Symmetric&& P, const Eigen::MatrixXd& X) const {
+  void subtractSymmetric(Symmetric&& P, const Eigen::Ref<const Eigen::MatrixXd>& X) const {
     // X H by columns first: rows are far apart in memory, and many blocks are of the same columns.
-    std::vector<Eigen::Index> place(static_cast<std::size_t>(P.cols()), -1), columns;
+    PooledVector<Eigen::Index> place(static_cast<std::size_t>(P.cols()), -1), columns;
     for (const Block& b : blocks_) {
       Eigen::Index& own = place[static_cast<std::size_t>(b.column)];
       if (own >= 0) continue;
       own = 3 * static_cast<Eigen::Index>(columns.size());
       columns.push_back(b.column);
     }
-    Eigen::MatrixXd product = Eigen::MatrixXd::Zero(P.rows(), 3 * static_cast<Eigen::Index>(columns.size()));
+    PooledMatrix product = PooledMatrix::Zero(P.rows(), 3 * static_cast<Eigen::Index>(columns.size()));
     for (const Block& b : blocks_)
       addTurned(X.middleCols<3>(b.row), b.value,
                 product.middleCols<3>(place[static_cast<std::size_t>(b.column)]));
@@ -70,7 +70,7 @@ class SparseRows {
 
  private:
   Eigen::Index rows_;
-  std::vector<Block> blocks_;
+  PooledVector<Block> blocks_;
 };
 
 } // namespace vi_ekf_slam::invariant

@@ -1,9 +1,7 @@
 #pragma once
 
-#include <deque>
-#include <unordered_map>
-
 #include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/memory_pool.hpp"
 
 namespace vi_ekf_slam::invariant {
 
@@ -42,16 +40,16 @@ class StandstillDetector {
   };
   enum class Picture { kStill, kMoving, kUnknown };
 
-  static bool coversWindow(const std::deque<Sample>& samples, Stamp now);
-  static bool agreesWithZero(const std::deque<Sample>& samples, const Eigen::Vector3d& bias_variance);
-  static Mean meanOf(const std::deque<Sample>& samples);
+  static bool coversWindow(const PooledDeque<Sample>& samples, Stamp now);
+  static bool agreesWithZero(const PooledDeque<Sample>& samples, const Eigen::Vector3d& bias_variance);
+  static Mean meanOf(const PooledDeque<Sample>& samples);
   Picture picture(Stamp now) const;
 
   double still_px_;
-  std::deque<Sample> velocities_, rates_;
+  PooledDeque<Sample> velocities_, rates_;
   Eigen::Vector3d bias_variance_ = Eigen::Vector3d::Zero(); ///< of the gyro
-  std::deque<Flow> flows_; ///< of frames that share enough tracks with the one before
-  std::unordered_map<FeatureId, StereoPixels> last_;
+  PooledDeque<Flow> flows_; ///< of frames that share enough tracks with the one before
+  PooledHashMap<FeatureId, StereoPixels> last_;
 };
 
 } // namespace vi_ekf_slam::invariant

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
@@ -36,7 +35,7 @@ class Correction {
   /// Of `S` only the lower triangle is read. `H` may be left out for a state that keeps no inactive
   /// landmarks. `noise` is the covariance of each three rows' noise where it is the same for all, and
   /// independent: not needed, but with it a state that keeps inactive landmarks has less to do.
-  Correction(Eigen::MatrixXd PHt, Eigen::MatrixXd S, const Eigen::VectorXd& innovation,
+  Correction(PooledMatrix PHt, PooledMatrix S, Pooled<Eigen::VectorXd> innovation,
              SparseRows H = SparseRows(0), const std::optional<Eigen::Matrix3d>& noise = {});
 
   /// Whether S is positive definite and all of this finite; else it cannot be applied.
@@ -44,20 +43,20 @@ class Correction {
   /// Normalised innovation squared, innovation^T S^-1 innovation.
   double nis() const { return nis_; }
   /// What the state's error is expected to be, P H^T S^-1 innovation (size()).
-  const Eigen::VectorXd& error() const { return error_; }
+  const Pooled<Eigen::VectorXd>& error() const { return error_; }
 
  private:
   friend class State;
 
   std::optional<RelativeUpdate> relative() const;
-  KalmanUpdate takeUpdate(Eigen::MatrixXd Kt);
+  KalmanUpdate takeUpdate(PooledMatrix Kt);
 
-  Eigen::MatrixXd PHt_;
-  Eigen::MatrixXd L_; // lower triangle: S = L L^T
+  PooledMatrix PHt_;
+  PooledMatrix L_; // lower triangle: S = L L^T
   SparseRows H_;
   std::optional<Eigen::Matrix3d> noise_; // where S^-1 can be had by it
-  Eigen::VectorXd weighted_;             // S^-1 innovation
-  Eigen::VectorXd error_;
+  Pooled<Eigen::VectorXd> weighted_;     // S^-1 innovation
+  Pooled<Eigen::VectorXd> error_;
   double nis_ = 0.0;
   bool valid_ = false;
 };
@@ -88,9 +87,9 @@ class State {
   const SE3& pose() const { return pose_; }
   const Vector6d& twist() const { return twist_; }
   const Vector6d& bias() const { return bias_; }
-  const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  const PooledVector<Landmark>& landmarks() const { return landmarks_; }
   /// Where each landmark is in landmarks(), by id; the first one of those that share an id.
-  std::unordered_map<FeatureId, std::size_t> indexById() const;
+  PooledHashMap<FeatureId, std::size_t> indexById() const;
   Eigen::Index size() const { return offsetOf(landmarks_.size()); }
   static Eigen::Index offsetOf(std::size_t landmark) { return kLandmarks + rowsOf(landmark); }
   /// size() x size(), symmetric.
@@ -184,14 +183,14 @@ class State {
   Eigen::Matrix3d relativeCovariance(Eigen::Index row) const;
 
  private:
-  using Columns6 = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+  using Columns6 = Pooled<Eigen::Matrix<double, Eigen::Dynamic, 6>>;
 
   Columns6 twistInfluence(double dt, const SE3& start) const;
   void addSquare(const Columns6& G, const Matrix6d& noise);
   void addTwistNoise(const Columns6& G, double dt, const ProcessNoise& noise, const Columns6& cross_start,
                      const Matrix6d& twist_covariance);
-  std::vector<Eigen::Matrix3d> retract(const Eigen::VectorXd& error, const SE3* cam_T_imu);
-  void transport(const std::vector<Eigen::Matrix3d>& M);
+  PooledVector<Eigen::Matrix3d> retract(const Pooled<Eigen::VectorXd>& error, const SE3* cam_T_imu);
+  void transport(const PooledVector<Eigen::Matrix3d>& M);
   void record(DeferredStep step);
   void turnToWorldAxes(Eigen::Ref<Eigen::MatrixXd> rows) const;
   void dropLandmark(std::size_t index);
@@ -200,8 +199,8 @@ class State {
   SE3 pose_;
   Vector6d twist_ = Vector6d::Zero();
   Vector6d bias_ = Vector6d::Zero();
-  std::vector<Landmark> landmarks_;
-  Eigen::MatrixXd covariance_; // capacity; the top left size() x size() is in use
+  PooledVector<Landmark> landmarks_;
+  PooledMatrix covariance_; // capacity; the top left size() x size() is in use
   std::optional<InactiveMap> inactive_;
 };
 

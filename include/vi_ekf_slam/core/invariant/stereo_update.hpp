@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <vector>
 
 #include "vi_ekf_slam/core/camera.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
@@ -35,12 +34,12 @@ class StereoModel {
                                      const StereoPixels& pixels) const;
 
   /// P H^T, size() x (3 observations).
-  Eigen::MatrixXd crossCovariance(const State& state, const std::vector<Observation>& observations) const;
+  PooledMatrix crossCovariance(const State& state, const PooledVector<Observation>& observations) const;
 
   /// S = H P H^T + noise, (3 observations) square, from PHt = crossCovariance: by 3x3 blocks,
   /// its lower triangle alone.
-  Eigen::MatrixXd innovationCovariance(const std::vector<Observation>& observations,
-                                       const Eigen::MatrixXd& PHt) const;
+  PooledMatrix innovationCovariance(const PooledVector<Observation>& observations,
+                                    const PooledMatrix& PHt) const;
 
   /// 3x3 of (u_left, v, u_right), px^2.
   Eigen::Matrix3d noise() const;
@@ -61,9 +60,9 @@ class StereoModel {
 };
 
 /// The innovations of all observations, one after the other.
-Eigen::VectorXd stackInnovations(const std::vector<Observation>& observations);
+Pooled<Eigen::VectorXd> stackInnovations(const PooledVector<Observation>& observations);
 
 /// H of all observations, three rows each.
-SparseRows measurementMatrix(const std::vector<Observation>& observations);
+SparseRows measurementMatrix(const PooledVector<Observation>& observations);
 
 } // namespace vi_ekf_slam::invariant

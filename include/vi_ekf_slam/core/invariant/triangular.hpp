@@ -7,9 +7,14 @@ namespace vi_ekf_slam::invariant {
 // Dense kernels on lower triangles that halve their matrices again and again, so that nearly all of the work
 // is done in products of square matrices, which are fastest, and none of it on what is known to be zero.
 
-/// The lower triangle of C (n x n) += A B, for A (n x k) and B (k x n) whose product is symmetric.
-void addLowerProduct(Eigen::Ref<Eigen::MatrixXd> C, const Eigen::Ref<const Eigen::MatrixXd>& A,
-                     const Eigen::Ref<const Eigen::MatrixXd>& B);
+/// The lower triangle of C (n x n) += A^T A, for A (k x n).
+void addLowerSquare(Eigen::Ref<Eigen::MatrixXd> C, const Eigen::Ref<const Eigen::MatrixXd>& A);
+
+/// X <- X L^-1 for a lower triangular L.
+void divideByLower(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L);
+
+/// X <- X L^-T.
+void divideByLowerTransposed(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L);
 
 /// L <- L^-1 for a lower triangular matrix. Above the diagonal nothing is read or written.
 void invertLower(Eigen::Ref<Eigen::MatrixXd> L);

@@ -15,8 +15,8 @@ struct Twin {
 
 /// What became of twins.
 struct TwinFusion {
-  std::vector<bool> fused; ///< twin by twin
-  double nis = 0.0;        ///< of those that were fused, jointly
+  PooledVector<bool> fused; ///< twin by twin
+  double nis = 0.0;         ///< of those that were fused, jointly
   std::size_t dof = 0;
 };
 

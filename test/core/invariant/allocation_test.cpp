@@ -1,0 +1,115 @@
+#include <cerrno>
+#include <cstddef>
+#include <cstdlib>
+
+#include "../../sanitized.hpp"
+#include "road.hpp"
+
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define VI_EKF_SLAM_COUNTS_ALLOCATIONS 1
+
+namespace {
+
+thread_local std::size_t g_allocations = 0;
+
+} // namespace
+
+// In the place of the C library's, for this program: by them everybody asks for memory, Eigen and operator
+// new as well.
+extern "C" {
+
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+
+void* malloc(std::size_t size) noexcept {
+  ++g_allocations;
+  return __libc_malloc(size);
+}
+
+void* calloc(std::size_t count, std::size_t size) noexcept {
+  ++g_allocations;
+  return __libc_calloc(count, size);
+}
+
+void* realloc(void* memory, std::size_t size) noexcept {
+  ++g_allocations;
+  return __libc_realloc(memory, size);
+}
+
+void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
+  ++g_allocations;
+  return __libc_memalign(alignment, size);
+}
+
+int posix_memalign(void** memory, std::size_t alignment, std::size_t size) noexcept {
+  ++g_allocations;
+  *memory = __libc_memalign(alignment, size);
+  return *memory ? 0 : ENOMEM;
+}
+
+} // extern "C"
+#endif
+
+namespace vi_ekf_slam::invariant {
+namespace {
+
+using namespace test;
+
+#ifdef VI_EKF_SLAM_COUNTS_ALLOCATIONS
+
+TEST(Allocations, AreCountedWhoeverAsks) {
+  const std::size_t before = g_allocations;
+  const Eigen::MatrixXd matrix(10, 10);
+  const std::vector<int> numbers(10);
+  ::operator delete (::operator new (100, std::align_val_t{64}), std::align_val_t{64});
+  EXPECT_EQ(g_allocations - before, 3u);
+}
+
+/// By the number of points in view.
+class Allocation : public ::testing::TestWithParam<std::size_t> {};
+
+/// Landmarks that leave the view go to the map, which gets its memory in ever larger pieces.
+TEST_P(Allocation, IsNotNeededByAFrameButForWhatTheMapGains) {
+  constexpr int kFrames = 600, kFirst = 100; // by when the pool has what a frame needs
+  Road road(2, GetParam(), kTypical);
+  InvariantConfig config;
+  config.map.keep = MapKeep::kNone;
+  InvariantEstimator estimator = makeEstimator(config);
+  std::size_t allocations = 0, used = 0, left = 0;
+  for (int i = 0; i < kFrames; ++i) {
+    const GyroSample gyro = road.gyro();
+    const VelocitySample velocity = road.velocity();
+    const StereoFrame frame = road.frame();
+    road.move();
+    const std::size_t before = g_allocations;
+    estimator.process(gyro);
+    estimator.process(velocity);
+    const FrameReport report = estimator.process(frame);
+    const std::size_t made = g_allocations - before;
+    if (i < kFirst) continue;
+    if (report.removed == 0) {
+      EXPECT_EQ(made, 0u) << "frame " << i;
+    }
+    allocations += made;
+    used += report.used;
+    left += report.removed;
+  }
+  EXPECT_GT(used, (kFrames - kFirst) * GetParam() * 8 / 10);
+  EXPECT_GT(left, 500u);
+  EXPECT_LE(allocations, left / 50);
+}
+
+INSTANTIATE_TEST_SUITE_P(InView, Allocation, ::testing::Values(20, 60, 100, 150));
+
+#else
+
+TEST(Allocation, IsNotNeededByAFrameButForWhatTheMapGains) {
+  GTEST_SKIP() << "only the C library's own allocator, of glibc, can be counted";
+}
+
+#endif
+
+} // namespace
+} // namespace vi_ekf_slam::invariant
