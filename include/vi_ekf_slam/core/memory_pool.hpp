@@ -4,7 +4,9 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
 #include <new>
+#include <type_traits>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -43,6 +45,12 @@ struct PoolAllocator {
   friend bool operator==(const PoolAllocator& /*a*/, const PoolAllocator& /*b*/) { return true; }
   friend bool operator!=(const PoolAllocator& /*a*/, const PoolAllocator& /*b*/) { return false; }
 };
+
+template <class T, class... Arguments>
+std::shared_ptr<T> makePooled(Arguments&&... arguments) {
+  return std::allocate_shared<T>(PoolAllocator<std::remove_const_t<T>>(),
+                                 std::forward<Arguments>(arguments)...);
+}
 
 template <class T>
 using PooledVector = std::vector<T, PoolAllocator<T>>;

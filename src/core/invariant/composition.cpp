@@ -29,14 +29,14 @@ Composition::Composition(Chunks chunks, Departures departures)
   for (const auto& chunk : chunks_) {
     for (const DeferredStep& step : chunk->steps) largest = std::max(largest, size += gainOf(step));
   }
-  sweep_ = std::make_unique<ForwardSweep>(begin, left, largest);
+  sweep_.emplace(begin, left, largest);
   leaving_ = PooledMatrix::Zero(begin + left, left + 1); // never empty: it is taken in parts
 }
 
 double Composition::advance(double operations) {
   const double before = cost_;
   while (!isDone() && cost_ - before < operations) {
-    const std::vector<DeferredStep>& steps = chunks_[chunk_]->steps;
+    const PooledVector<DeferredStep>& steps = chunks_[chunk_]->steps;
     if (step_ < steps.size()) {
       cost_ += costOf(steps[step_]);
       forward(steps[step_++]);
@@ -73,8 +73,8 @@ Stretch Composition::stretch(MatrixStore& store) const {
     mirrorLower(lower);
     return store.keep(lower);
   };
-  std::vector<Landmark> landmarks;
-  std::vector<std::uint64_t> serials;
+  PooledVector<Landmark> landmarks;
+  PooledVector<std::uint64_t> serials;
   for (std::size_t i = 0; i < departures_.size(); ++i) {
     landmarks.push_back(departures_[i]->inactive.landmark);
     landmarks.back().position += sweep_->learned().segment<3>(begin + rowsOf(i));

@@ -58,19 +58,24 @@ void CorrectionSweep::back(const DeferredStep& step) {
 
 // x' = F x: correction <- F^T correction.
 
-void CorrectionSweep::back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Eigen::VectorXd& learned) {
-  correction_ = learned + F.transpose() * correction_;
+void CorrectionSweep::back(const Eigen::Ref<const Eigen::MatrixXd>& F,
+                           const Pooled<Eigen::VectorXd>& learned) {
+  Pooled<Eigen::VectorXd> before = learned;
+  before.noalias() += F.transpose() * active();
+  size_ = before.size();
+  correction_.swap(before);
 }
 
 void CorrectionSweep::back(const Propagation& step) {
-  correction_.segment<6>(kTwist) += (step.G.transpose() * correction_).eval();
+  const Vector6d gained = step.G.transpose() * active();
+  active().segment<6>(kTwist) += gained;
 }
 
 /// F = I - K H, and H^T y is learned.
 void CorrectionSweep::back(const KalmanUpdate& step) {
   Pooled<Eigen::VectorXd> weighted = step.y;
-  weighted.noalias() -= *step.Kt * correction_;
-  step.H.addTransposed(correction_, weighted);
+  weighted.noalias() -= *step.Kt * active();
+  step.H.addTransposed(active(), weighted);
 }
 
 void CorrectionSweep::back(const Transport& step) {
@@ -83,14 +88,19 @@ void CorrectionSweep::back(const Transport& step) {
 }
 
 void CorrectionSweep::back(const Birth&) {
-  correction_.segment<3>(kPosition) += correction_.tail<3>();
-  correction_.conservativeResize(correction_.size() - 3);
+  active().segment<3>(kPosition) += active().tail<3>();
+  size_ -= 3;
 }
 
 void CorrectionSweep::back(const Removal& step) {
-  correction_.conservativeResize(correction_.size() + 3);
-  correction_.tail<3>().setZero();
-  correction_.segment<3>(step.row).swap(correction_.tail<3>());
+  size_ += 3;
+  if (correction_.size() < size_) {
+    Pooled<Eigen::VectorXd> larger = Eigen::VectorXd::Zero(2 * size_);
+    larger.head(size_ - 3) = correction_;
+    correction_.swap(larger);
+  }
+  active().tail<3>().setZero();
+  if (step.row != size_ - 3) active().segment<3>(step.row).swap(active().tail<3>());
 }
 
 void CorrectionSweep::back(const Oblivion& step) { correction_.segment<3>(step.row).setZero(); }

@@ -56,7 +56,7 @@ void InactiveMap::record(DeferredStep step, Eigen::Index size) {
 
 void InactiveMap::closeChunk() {
   open_.last_serial = last_serial_;
-  journal_.push_back(std::make_shared<const Chunk>(std::move(open_)));
+  journal_.push_back(makePooled<const Chunk>(std::move(open_)));
   open_ = Chunk();
   forgetSteps();
 }
@@ -109,7 +109,7 @@ void InactiveMap::add(const Landmark& landmark, const Eigen::Matrix3d& covarianc
   if (!ids_.emplace(landmark.id, last_serial_ + 1).second)
     throw std::logic_error("landmark " + std::to_string(landmark.id) + " is held already");
   departures_.push_back(
-      std::make_shared<const Departure>(Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
+      makePooled<const Departure>(Departure{{landmark, covariance}, std::move(cross), ++last_serial_}));
   record(Removal{row, last_serial_}, size);
 }
 
@@ -132,7 +132,7 @@ InactiveMap::Settled& InactiveMap::ownSettled() {
 /// The last chunk of the first ones of the journal by which enough have left to make a stretch: half as many
 /// as are active. With fewer there would be many stretches, with more a stretch would have much to take
 /// along.
-std::deque<std::shared_ptr<const Chunk>>::const_iterator InactiveMap::endOfStretch() const {
+PooledDeque<std::shared_ptr<const Chunk>>::const_iterator InactiveMap::endOfStretch() const {
   const auto before = departures_.empty() ? last_serial_ : departures_.front()->serial - 1;
   return std::find_if(journal_.begin(), journal_.end(), [&](const auto& chunk) {
     return chunk->last_serial >=
@@ -167,7 +167,7 @@ double InactiveMap::composeOnce(double operations) {
 void InactiveMap::endComposition() {
   const Composition composition = std::move(composition_);
   composition_ = Composition();
-  auto stretch = std::make_shared<const Stretch>(composition.stretch(composed_));
+  auto stretch = makePooled<const Stretch>(composition.stretch(composed_));
   const std::uint64_t first = departures_.empty() ? last_serial_ + 1 : departures_.front()->serial;
   const auto left = std::lower_bound(stretch->serials.begin(), stretch->serials.end(), first);
   const auto gone = static_cast<std::size_t>(left - stretch->serials.begin());

@@ -78,7 +78,7 @@ class MatrixStore::Pool {
 MatrixStore::MatrixStore() : pool_(std::make_shared<Pool>()) {}
 
 KeptMatrix::KeptMatrix(PooledMatrix matrix) : rows_(matrix.rows()), cols_(matrix.cols()) {
-  const auto own = std::allocate_shared<const PooledMatrix>(PoolAllocator<PooledMatrix>(), std::move(matrix));
+  const auto own = makePooled<const PooledMatrix>(std::move(matrix));
   data_ = std::shared_ptr<const double>(own, own->data());
 }
 

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
-#include <vector>
+#include <optional>
 
 #include "vi_ekf_slam/core/invariant/deferred_step.hpp"
 #include "vi_ekf_slam/core/invariant/landmark.hpp"
@@ -21,18 +21,18 @@ struct Departure {
 /// Deferred steps, one after another.
 struct Chunk {
   Eigen::Index size = 0; ///< of the active errors at its beginning
-  std::vector<DeferredStep> steps;
+  PooledVector<DeferredStep> steps;
   std::uint64_t last_serial = 0; ///< of the departures until its end
 };
 
 /// What the steps of some chunks come to, for the landmarks that left before them and for those that left
 /// by the way, the first one first.
 struct Stretch {
-  KeptMatrix F;            ///< the active errors x at its end are F times those at its beginning, and noise
-  KeptMatrix information;  ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
-  Eigen::VectorXd learned; ///< mean(d) += c^T learned
-  std::vector<Landmark> landmarks; ///< that left, as they are at its end
-  std::vector<std::uint64_t> serials;
+  KeptMatrix F;           ///< the active errors x at its end are F times those at its beginning, and noise
+  KeptMatrix information; ///< var(d) -= c^T information c, for c = cov(x at its beginning, d)
+  Pooled<Eigen::VectorXd> learned;  ///< mean(d) += c^T learned
+  PooledVector<Landmark> landmarks; ///< that left, as they are at its end
+  PooledVector<std::uint64_t> serials;
   KeptMatrix covariance; ///< of their d at its end
   KeptMatrix cross;      ///< of x at its end with their d
   KeptMatrix origin;     ///< covariance of their d with earlier ones, in terms of x at its beginning
@@ -48,8 +48,8 @@ Eigen::Index gainOf(const DeferredStep& step);
 /// what is copied begins anew if it must.
 class Composition {
  public:
-  using Chunks = std::vector<std::shared_ptr<const Chunk>>;
-  using Departures = std::vector<std::shared_ptr<const Departure>>;
+  using Chunks = PooledVector<std::shared_ptr<const Chunk>>;
+  using Departures = PooledVector<std::shared_ptr<const Departure>>;
 
   Composition() = default;
   /// Of `chunks`, not empty, and the departures that belong to their removals.
@@ -78,7 +78,7 @@ class Composition {
   Departures departures_;
   std::size_t chunk_ = 0, step_ = 0, departed_ = 0; ///< the next ones
   double cost_ = 0.0;
-  std::unique_ptr<ForwardSweep> sweep_;
+  std::optional<ForwardSweep> sweep_;
   /// Column by column: covariance of the d of those that leave, when they do, with all errors that the sweep
   /// takes along.
   PooledMatrix leaving_;

@@ -59,15 +59,15 @@ std::size_t bytesOf(const DeferredStep& step);
 class CorrectionSweep {
  public:
   /// Begins at the end, with x of `size`.
-  explicit CorrectionSweep(Eigen::Index size) : correction_(Eigen::VectorXd::Zero(size)) {}
+  explicit CorrectionSweep(Eigen::Index size) : size_(size), correction_(Eigen::VectorXd::Zero(size)) {}
 
   /// To the time before `step`.
   void back(const DeferredStep& step);
   /// To the beginning of a stretch that takes x to F x (and noise), and has taught `learned` (see
   /// ForwardSweep).
-  void back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Eigen::VectorXd& learned);
+  void back(const Eigen::Ref<const Eigen::MatrixXd>& F, const Pooled<Eigen::VectorXd>& learned);
 
-  const Eigen::VectorXd& correction() const { return correction_; }
+  auto correction() const { return correction_.head(size_); }
 
  private:
   void back(const Propagation& step);
@@ -76,8 +76,10 @@ class CorrectionSweep {
   void back(const Birth& step);
   void back(const Removal& step);
   void back(const Oblivion& step);
+  auto active() { return correction_.head(size_); }
 
-  Eigen::VectorXd correction_;
+  Eigen::Index size_;
+  Pooled<Eigen::VectorXd> correction_; ///< its head is in use
 };
 
 /// As CorrectionSweep, how much surer the errors d have become by the end of the stretch: var(d) -= c^T
@@ -146,7 +148,7 @@ class ForwardSweep {
 
   Eigen::Index rows_, columns_;
   PooledMatrix X_, gram_;
-  Eigen::VectorXd learned_;
+  Pooled<Eigen::VectorXd> learned_;
 };
 
 } // namespace vi_ekf_slam::invariant

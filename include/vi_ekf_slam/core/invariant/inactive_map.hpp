@@ -2,9 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <deque>
 #include <memory>
-#include <unordered_map>
 #include <vector>
 
 #include "vi_ekf_slam/core/invariant/composition.hpp"
@@ -110,22 +108,22 @@ class InactiveMap {
   void closeChunk();
   void forgetSteps();
   void forgetChunk();
-  std::deque<std::shared_ptr<const Chunk>>::const_iterator endOfStretch() const;
+  PooledDeque<std::shared_ptr<const Chunk>>::const_iterator endOfStretch() const;
   double composeOnce(double operations);
   void beginComposition();
   void endComposition();
   void eraseSettled(std::size_t index);
 
   std::shared_ptr<Settled> settled_ =
-      std::make_shared<Settled>();                          // copied before a change while it is shared
-  std::deque<Composed> stretches_;                          // first
-  std::deque<std::shared_ptr<const Chunk>> journal_;        // after them
-  std::deque<std::shared_ptr<const Departure>> departures_; // in the journal; serials are consecutive
+      std::make_shared<Settled>();                           // copied before a change while it is shared
+  PooledDeque<Composed> stretches_;                          // first
+  PooledDeque<std::shared_ptr<const Chunk>> journal_;        // after them
+  PooledDeque<std::shared_ptr<const Departure>> departures_; // in the journal; serials are consecutive
   Chunk open_;
-  Composition composition_;                 // of the first chunks of the journal, where one is under way
-  MatrixStore store_;                       // of the journal's larger matrices
-  MatrixStore composed_ = store_.another(); // of the stretches
-  std::unordered_map<FeatureId, std::uint64_t> ids_; // to the number of the departure
+  Composition composition_;                     // of the first chunks of the journal, where one is under way
+  MatrixStore store_;                           // of the journal's larger matrices
+  MatrixStore composed_ = store_.another();     // of the stretches
+  PooledHashMap<FeatureId, std::uint64_t> ids_; // to the number of the departure
   std::uint64_t last_serial_ = 0;
   std::size_t most_journal_bytes_;
   std::size_t journal_bytes_ = 0;
