@@ -215,6 +215,23 @@ TEST(Resume, GoesOnAsIfNothingHadHappened) {
   EXPECT_LT(b.pose_covariance(0, 0), 2.0 * a.pose_covariance(0, 0));
 }
 
+// Three frames tell in which direction points of up to 1 km are, and of how far away little, wrong to the
+// same side.
+TEST(Resume, ComparesWhatReturnsOnceItsDistanceIsKnown) {
+  const auto revisited = [](double farthest, int frames) {
+    Road road(6, 60, kTypical, farthest);
+    const auto map = savedOf(driven(road, 60));
+    InvariantEstimator resumed = makeEstimator();
+    resumed.resumeFrom(map, 30.0);
+    std::size_t count = 0;
+    for (int i = 0; i < frames; ++i) count += road.feed(resumed).revisited;
+    return count;
+  };
+  EXPECT_GE(revisited(15.0, 3), 15U);
+  EXPECT_EQ(revisited(1000.0, 3), 0U);
+  EXPECT_GT(revisited(1000.0, 12), 0U);
+}
+
 TEST(Resume, IsARelocalisationWhereTheSavedMapIsTooOld) {
   Road road(7, 40, kTypical);
   const auto map = savedOf(driven(road, 60));
