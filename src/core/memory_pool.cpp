@@ -8,14 +8,10 @@
 namespace vi_ekf_slam {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__clang__)
+constexpr bool kPools = !__has_feature(address_sanitizer) && !__has_feature(thread_sanitizer);
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool kPools = false;
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-constexpr bool kPools = false;
-#else
-constexpr bool kPools = true;
-#endif
 #else
 constexpr bool kPools = true;
 #endif
@@ -97,17 +93,14 @@ void* takePooled(std::size_t bytes) {
   const Size size = sizeFor(bytes);
   if (!kPools || size.index >= kSizes) return allocate(bytes);
   Shelf& shelf = shelves[size.index];
-  if (!shelf.first) {
-    void* const memory = allocate(size.bytes);
-    shelf.most_in_use = std::max(shelf.most_in_use, ++shelf.in_use);
-    return memory;
+  void* const memory = shelf.first ? shelf.first : allocate(size.bytes);
+  if (shelf.first) {
+    shelf.first = shelf.first->next;
+    --shelf.kept;
+    pooled -= size.bytes;
   }
-  Block* const block = shelf.first;
-  shelf.first = block->next;
-  --shelf.kept;
-  pooled -= size.bytes;
   shelf.most_in_use = std::max(shelf.most_in_use, ++shelf.in_use);
-  return block;
+  return memory;
 }
 
 /// Not more is kept than this thread has needed at once: what others took, and leave to this one, it will not

@@ -3,6 +3,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "vi_ekf_slam/core/memory_pool.hpp"
+
 namespace vi_ekf_slam::conversions {
 namespace {
 

@@ -27,7 +27,7 @@ std::size_t heapOf(const Small&) {
 /// Z S^-1 for Z = X H^T and `after` = X (I - K H)^T.
 PooledMatrix timesInverseS(const KalmanUpdate& step, const PooledMatrix& Z,
                            const Eigen::Ref<const Eigen::MatrixXd>& after) {
-  if (step.S_inverse.size() > 0) return PooledMatrix(Z * step.S_inverse);
+  if (step.S_inverse.size() > 0) return Z * step.S_inverse;
   PooledMatrix result = step.H.timesTransposed(after);
   for (Eigen::Index i = 0; i < result.cols(); i += 3) turn(result.middleCols<3>(i), step.R_inverse);
   return result;

@@ -1,7 +1,6 @@
 // What InvariantEstimator does with landmarks out of view.
 
 #include <algorithm>
-#include <unordered_map>
 #include <utility>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"

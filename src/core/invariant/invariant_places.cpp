@@ -1,7 +1,6 @@
 // How InvariantEstimator closes loops where ids do not return.
 
 #include <cmath>
-#include <unordered_map>
 
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/place_recogniser.hpp"

@@ -5,7 +5,7 @@
 #include "../../sanitized.hpp"
 #include "road.hpp"
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__GLIBC__) && !VI_EKF_SLAM_SANITIZED
 #define VI_EKF_SLAM_COUNTS_ALLOCATIONS 1
 
 namespace {
