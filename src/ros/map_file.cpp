@@ -13,7 +13,7 @@
 
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
-#include "vi_ekf_slam/core/atomic_file.hpp"
+#include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/ros/bag_structure.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/wire_check.hpp"

@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {

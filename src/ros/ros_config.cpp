@@ -1,6 +1,6 @@
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
-#include "vi_ekf_slam/core/yaml_section.hpp"
+#include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
 namespace {

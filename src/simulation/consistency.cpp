@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam::simulation {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 #include <utility>
 
-#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"
 

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/simulation/scene.hpp"
 
 namespace vi_ekf_slam::simulation {

@@ -8,7 +8,7 @@
 #include "monte_carlo_options.hpp"
 #include "monte_carlo_report.hpp"
 #include "progress.hpp"
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {

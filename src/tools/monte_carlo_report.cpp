@@ -5,7 +5,7 @@
 #include <cstdarg>
 #include <cstdio>
 
-#include "vi_ekf_slam/core/atomic_file.hpp"
+#include "vi_ekf_slam/core/run/atomic_file.hpp"
 
 namespace vi_ekf_slam {
 

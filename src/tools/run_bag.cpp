@@ -8,7 +8,7 @@
 #include "bag_input.hpp"
 #include "progress.hpp"
 #include "run_bag_options.hpp"
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {

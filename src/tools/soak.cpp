@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/map_messages.hpp"
 #include "vi_ekf_slam/ros/output_sequencer.hpp"

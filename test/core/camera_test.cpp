@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/camera.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/clock_guard.hpp"
+#include "vi_ekf_slam/core/sensors/clock_guard.hpp"
 
 #include <gtest/gtest.h>
 

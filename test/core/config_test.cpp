@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
 
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/yaml_section.hpp"
+#include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -1,11 +1,11 @@
-#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "numeric.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
 namespace {

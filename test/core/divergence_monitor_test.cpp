@@ -1,10 +1,10 @@
-#include "vi_ekf_slam/core/divergence_monitor.hpp"
+#include "vi_ekf_slam/core/health/divergence_monitor.hpp"
 
 #include <gtest/gtest.h>
 
 #include <optional>
 
-#include "vi_ekf_slam/core/blindness.hpp"
+#include "vi_ekf_slam/core/health/blindness.hpp"
 
 namespace vi_ekf_slam {
 namespace {

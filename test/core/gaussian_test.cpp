@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 #include <gtest/gtest.h>
 

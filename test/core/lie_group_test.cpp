@@ -6,8 +6,8 @@
 
 #include "exp_series.hpp"
 #include "numeric.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
 namespace {

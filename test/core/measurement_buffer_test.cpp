@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/measurement_buffer.hpp"
+#include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 
 #include <gtest/gtest.h>
 

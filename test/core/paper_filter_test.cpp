@@ -4,15 +4,15 @@
 #include <cmath>
 #include <set>
 
+#include "covariances.hpp"
 #include "numeric.hpp"
 #include "paper_reference.hpp"
-#include "covariances.hpp"
 #include "street.hpp"
-#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/paper/joint_ekf.hpp"
 #include "vi_ekf_slam/core/paper/landmark_mapper.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {

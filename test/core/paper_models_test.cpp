@@ -6,9 +6,9 @@
 #include "numeric.hpp"
 #include "paper_reference.hpp"
 #include "street.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/paper/inverse_pose.hpp"
 #include "vi_ekf_slam/core/paper/observation.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {

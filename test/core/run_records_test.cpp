@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/run_records.hpp"
+#include "vi_ekf_slam/core/run/run_records.hpp"
 
 #include <gtest/gtest.h>
 

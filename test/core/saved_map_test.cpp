@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/saved_map.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
 
 #include <gtest/gtest.h>
 

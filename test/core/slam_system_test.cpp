@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 #include <gtest/gtest.h>
 

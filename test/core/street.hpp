@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "numeric.hpp"
-#include "vi_ekf_slam/core/camera.hpp"
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/measurement.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 /// A stereo rig and what it sees along a street.
 namespace vi_ekf_slam::test {

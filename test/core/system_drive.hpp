@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "street.hpp"
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 /// Drives for SlamSystem, and what it tells its listeners.
 namespace vi_ekf_slam::test {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam::fuzz {
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "vi_ekf_slam/core/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 
 namespace vi_ekf_slam::simulation {

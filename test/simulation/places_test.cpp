@@ -8,8 +8,8 @@
 #include <variant>
 
 #include "../sanitized.hpp"
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "../sanitized.hpp"
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 

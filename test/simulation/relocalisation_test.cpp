@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "../sanitized.hpp"
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/drift.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 

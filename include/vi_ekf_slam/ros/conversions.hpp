@@ -12,8 +12,8 @@
 #include <string>
 
 #include "vi_ekf_slam/StereoFeatureArray.h"
-#include "vi_ekf_slam/core/estimator.hpp"
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 /// Messages to measurements and estimates to messages. No logging and no exceptions: what cannot be used is a
 /// value.

@@ -7,7 +7,7 @@
 #include <deque>
 #include <optional>
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/latency_meter.hpp"
 #include "vi_ekf_slam/ros/load_control.hpp"

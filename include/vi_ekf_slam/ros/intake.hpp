@@ -5,7 +5,7 @@
 #include <map>
 #include <string>
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/rig_assembler.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "vi_ekf_slam/core/saved_map.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
 
 namespace vi_ekf_slam {
 

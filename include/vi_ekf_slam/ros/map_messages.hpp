@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam {
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "vi_ekf_slam/core/saved_map.hpp"
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {
 

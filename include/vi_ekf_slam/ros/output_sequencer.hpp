@@ -3,7 +3,7 @@
 #include <functional>
 #include <optional>
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {
 

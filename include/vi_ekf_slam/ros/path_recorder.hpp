@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "vi_ekf_slam/core/measurement.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
 

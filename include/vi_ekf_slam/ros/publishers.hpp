@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/map_messages.hpp"
 #include "vi_ekf_slam/ros/pacer.hpp"
 #include "vi_ekf_slam/ros/path_recorder.hpp"

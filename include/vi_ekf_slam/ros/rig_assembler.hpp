@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "vi_ekf_slam/core/camera.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/ros/feature_screen.hpp"
 
 namespace vi_ekf_slam {

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "vi_ekf_slam/core/run_writer.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/diagnostics.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/load_control.hpp"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "vi_ekf_slam/core/slam_system.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {

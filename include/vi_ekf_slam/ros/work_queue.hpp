@@ -9,7 +9,7 @@
 #include <mutex>
 #include <optional>
 
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/front_end.hpp"
 #include "vi_ekf_slam/simulation/motion.hpp"

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"
 #include "vi_ekf_slam/simulation/scene.hpp"

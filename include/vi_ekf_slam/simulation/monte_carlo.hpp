@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "vi_ekf_slam/core/config.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 

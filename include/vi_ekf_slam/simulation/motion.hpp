@@ -1,6 +1,6 @@
 #pragma once
 
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/simulation/block_path.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"

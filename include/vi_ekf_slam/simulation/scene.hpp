@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "vi_ekf_slam/core/camera.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/simulation/block_path.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"

@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "vi_ekf_slam/core/measurement.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"

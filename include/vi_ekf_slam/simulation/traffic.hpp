@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"
 

@@ -1,6 +1,6 @@
 #include "vi_ekf_slam/core/invariant/archive.hpp"
 
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 namespace vi_ekf_slam::invariant {
 

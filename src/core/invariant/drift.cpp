@@ -1,7 +1,7 @@
 #include "vi_ekf_slam/core/invariant/drift.hpp"
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 

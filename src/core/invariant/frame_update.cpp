@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
 #include "vi_ekf_slam/core/invariant/consensus.hpp"
 #include "vi_ekf_slam/core/invariant/twist_update.hpp"

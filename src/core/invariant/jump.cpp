@@ -5,8 +5,8 @@
 #include <numeric>
 #include <random>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam::invariant {

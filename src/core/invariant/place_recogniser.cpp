@@ -7,9 +7,9 @@
 #include <random>
 #include <tuple>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/point_grid.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {

@@ -2,9 +2,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/jump.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {

@@ -6,11 +6,11 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
 #include "vi_ekf_slam/core/invariant/jump.hpp"
 #include "vi_ekf_slam/core/invariant/saved_joint.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {

@@ -6,11 +6,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/inverse_depth.hpp"
 #include "vi_ekf_slam/core/invariant/symmetric.hpp"
 #include "vi_ekf_slam/core/invariant/triangular.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {

@@ -1,8 +1,8 @@
 // What State does with its inactive landmarks.
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/columns3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "vi_ekf_slam/core/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/invariant/chosen_blocks.hpp"
 
 namespace vi_ekf_slam::invariant {

@@ -7,7 +7,7 @@
 
 #include "../../sanitized.hpp"
 #include "../numeric.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {

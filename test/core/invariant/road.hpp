@@ -9,8 +9,8 @@
 #include "../covariances.hpp"
 #include "../numeric.hpp"
 #include "../street.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/invariant_estimator.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 /// Drives to take the right-invariant filter along, and what to expect of its estimates.
 namespace vi_ekf_slam::test {

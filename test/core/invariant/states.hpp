@@ -7,9 +7,9 @@
 #include "../covariances.hpp"
 #include "../numeric.hpp"
 #include "../street.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
-#include "vi_ekf_slam/core/so3.hpp"
 
 /// States of the right-invariant filter to be tested with, and its error written as its definition stands.
 namespace vi_ekf_slam::test {

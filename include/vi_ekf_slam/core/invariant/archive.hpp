@@ -4,7 +4,7 @@
 #include <map>
 #include <memory_resource>
 
-#include "vi_ekf_slam/core/estimator.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "vi_ekf_slam/core/divergence_monitor.hpp"
+#include "vi_ekf_slam/core/health/divergence_monitor.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {

@@ -4,7 +4,7 @@
 
 #include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -7,7 +7,6 @@
 #include <unordered_set>
 #include <vector>
 
-#include "vi_ekf_slam/core/estimator.hpp"
 #include "vi_ekf_slam/core/invariant/archive.hpp"
 #include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/invariant/drift.hpp"
@@ -17,6 +16,7 @@
 #include "vi_ekf_slam/core/invariant/standstill.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 #include "vi_ekf_slam/core/invariant/stereo_update.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
 
 namespace vi_ekf_slam::invariant {
 

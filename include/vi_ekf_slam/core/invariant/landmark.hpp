@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/measurement.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam::invariant {

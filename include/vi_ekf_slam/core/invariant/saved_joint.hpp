@@ -1,7 +1,7 @@
 #pragma once
 
 #include "vi_ekf_slam/core/invariant/state.hpp"
-#include "vi_ekf_slam/core/saved_map.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
 
 namespace vi_ekf_slam::invariant {
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "vi_ekf_slam/core/measurement.hpp"
 #include "vi_ekf_slam/core/memory_pool.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam::invariant {
 

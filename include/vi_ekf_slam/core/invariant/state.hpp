@@ -5,11 +5,11 @@
 #include <optional>
 #include <vector>
 
+#include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/core/invariant/inactive_map.hpp"
 #include "vi_ekf_slam/core/invariant/landmark.hpp"
 #include "vi_ekf_slam/core/invariant/relative_update.hpp"
-#include "vi_ekf_slam/core/measurement.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam::invariant {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "vi_ekf_slam/core/camera.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/invariant/state.hpp"
 
 namespace vi_ekf_slam::invariant {

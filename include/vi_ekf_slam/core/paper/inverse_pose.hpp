@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam::paper {

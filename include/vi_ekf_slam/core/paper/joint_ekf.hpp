@@ -4,10 +4,10 @@
 #include <map>
 #include <vector>
 
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/estimator.hpp"
 #include "vi_ekf_slam/core/paper/inverse_pose.hpp"
 #include "vi_ekf_slam/core/paper/observation.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::paper {
 

@@ -3,9 +3,9 @@
 #include <map>
 #include <vector>
 
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/estimator.hpp"
-#include "vi_ekf_slam/core/se3.hpp"
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::paper {
 

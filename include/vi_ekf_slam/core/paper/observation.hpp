@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "vi_ekf_slam/core/camera.hpp"
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/measurement.hpp"
+#include "vi_ekf_slam/core/geometry/camera.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam::paper {
 

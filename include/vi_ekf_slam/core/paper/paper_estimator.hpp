@@ -2,11 +2,11 @@
 
 #include <optional>
 
-#include "vi_ekf_slam/core/config.hpp"
-#include "vi_ekf_slam/core/estimator.hpp"
 #include "vi_ekf_slam/core/paper/inverse_pose.hpp"
 #include "vi_ekf_slam/core/paper/joint_ekf.hpp"
 #include "vi_ekf_slam/core/paper/landmark_mapper.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::paper {
 

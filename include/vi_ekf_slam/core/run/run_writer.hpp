@@ -1,0 +1,82 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/run/run_records.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
+
+namespace vi_ekf_slam {
+
+/// What a run's summary.yaml says beside the results themselves.
+struct RunSummary {
+  std::string input;   ///< bag, or topics when live
+  std::string config;  ///< file or parameter namespace
+  double wall_s = 0.0; ///< s of wall time that the run took
+  SystemCounts counts;
+  /// Messages (and features) that were turned away before they became measurements, by reason.
+  std::map<std::string, std::uint64_t> turned_away;
+};
+
+/// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.
+///
+/// - trajectory.tum, dead_reckoning.tum: `stamp tx ty tz qx qy qz qw` of world_T_imu and odom_T_imu, one line
+/// a
+///   stereo frame. Input without any stereo frame (dead reckoning only) has one line a gyro sample instead.
+/// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
+///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
+/// - frames.csv: the FrameReport of each frame. landmarks.csv: final map. summary.yaml: counts and times.
+///
+/// A file appears under its name only when it is complete. Failures throw std::runtime_error with file and
+/// cause.
+class RunWriter {
+ public:
+  static constexpr const char *kTrajectory = "trajectory.tum", *kDeadReckoning = "dead_reckoning.tum",
+                              *kCovariance = "covariance.csv", *kFrames = "frames.csv",
+                              *kLandmarks = "landmarks.csv", *kSummary = "summary.yaml";
+  static constexpr std::array<const char*, 6> kFiles = {kTrajectory, kDeadReckoning, kCovariance,
+                                                        kFrames,     kLandmarks,     kSummary};
+  /// What the names of the folders of earlier starts begin with.
+  static constexpr const char* kBeforeReset = "before_reset_";
+
+  void addFrame(const Output& output);
+  /// Kept only as long as there is no frame.
+  void addGyro(const Output& output);
+  /// A new start (the clock may have gone back): earlier results go to DIR/before_reset_1, _2, ... from now
+  /// on.
+  void restart();
+
+  bool empty() const { return runs_.back().records.empty(); }
+  bool hasFrames() const { return runs_.back().has_frames; }
+  std::size_t size() const { return runs_.back().records.size(); }
+  /// s of sensor time from the first to the last record.
+  double sensorSeconds() const;
+
+  /// Creates `directory` and its parents; the writing functions do so too, but a long run wants to know
+  /// early.
+  static void makeDirectory(const std::string& directory);
+  void writeTrajectory(const std::string& directory) const;
+  static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
+  void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
+
+ private:
+  struct Run {
+    RunRecords records;
+    bool has_frames = false;
+  };
+
+  static RunRecord toRecord(const Output& output);
+  static void writeRun(const std::string& directory, const Run& run);
+
+  std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
+  std::vector<Run> runs_{{RunRecords(spool_)}};
+};
+
+/// "sec.nnnnnnnnn", exact.
+std::string stampText(Stamp stamp);
+
+} // namespace vi_ekf_slam

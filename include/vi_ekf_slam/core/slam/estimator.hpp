@@ -1,0 +1,127 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/health/divergence_monitor.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam {
+
+/// Where the IMU is, how it moves, and how well that is known. The world frame is the IMU frame at the start.
+struct StateEstimate {
+  Stamp stamp = 0;
+  SE3 world_T_imu;
+  /// 6x6 of (position error in m, rotation error in rad), both along the WORLD axes: p = p^ + dp,
+  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance, whatever the estimator
+  /// uses inside.
+  Matrix6d pose_covariance = Matrix6d::Zero();
+  /// (v in m/s, omega in rad/s), both in the IMU frame.
+  Vector6d twist = Vector6d::Zero();
+  /// 6x6, same order and frame as `twist`.
+  Matrix6d twist_covariance = Matrix6d::Zero();
+};
+
+struct LandmarkEstimate {
+  FeatureId id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();   ///< world frame, m
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero(); ///< m^2, world axes, marginal
+};
+
+/// What an estimator did with one stereo frame.
+struct FrameReport {
+  Stamp stamp = 0;
+  std::size_t features = 0; ///< in the frame
+  std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
+  std::size_t used = 0;    ///< corrected the state
+  std::size_t rejected = 0;      ///< contradicted the state (gate, consensus)
+  std::size_t initialised = 0;   ///< became landmarks
+  std::size_t removed = 0;       ///< landmarks that are no longer active
+  std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
+  bool place_recognised = false; ///< by the constellation of the landmarks
+  bool relocalised =
+      false; ///< in the loaded map: from this frame on all poses and landmarks are in its frame
+  std::size_t landmarks = 0;   ///< in the state after the frame, active
+  std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
+  bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
+  /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
+  /// judged: the mean of their ratio is 1. 0 where nothing was used.
+  double nis = 0.0;
+  std::size_t nis_dof = 0;
+  /// The estimate was no longer believed, for this reason, and begun anew from where it was: without
+  /// landmarks, and with a covariance that covers what may have gone wrong.
+  Divergence divergence = Divergence::kNone;
+};
+
+/// What became of a map that was given to an estimator.
+enum class MapUse {
+  kNone,        ///< none was given
+  kWaiting,     ///< the vehicle has not found its place in it yet: estimates are in a frame of their own
+  kRelocalised, ///< estimates are in its frame
+  kResumed,     ///< they are, from the first one on
+};
+
+/// Limits of what is used of a frame, see InvariantConfig.
+struct Gates {
+  double gate, frame_gate, plausible_gate, motion_gate;
+};
+
+/// A causal estimator of pose and map. Measurements come in the order of their stamps (see
+/// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at the identity pose.
+class Estimator {
+ public:
+  virtual ~Estimator() = default;
+
+  /// Calibration of the stereo pair; before it is known frames only advance the clock, their features
+  /// invalid.
+  virtual void setRig(const StereoRig& rig) = 0;
+
+  virtual void process(const GyroSample& sample) = 0;
+  virtual void process(const VelocitySample& sample) = 0;
+  virtual FrameReport process(const StereoFrame& frame) = 0;
+
+  /// From now on; an estimator without such gates has nothing to change.
+  virtual void setGates(const Gates& /*gates*/) {}
+
+  /// The state at the stamp of the last measurement.
+  virtual StateEstimate state() const = 0;
+
+  /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller
+  /// since.
+  virtual std::vector<LandmarkEstimate> landmarks() const = 0;
+  /// The same with the covariances of now. Cheap to be made; calling it computes, which may take as long as
+  /// some seconds of the drive did, and may be done in any thread.
+  virtual std::function<std::vector<LandmarkEstimate>()> exactMap() const {
+    return [all = landmarks()] { return all; };
+  }
+  std::vector<LandmarkEstimate> exactLandmarks() const { return exactMap()(); }
+
+  /// Whether it keeps a joint covariance of pose and map; only then the following do anything.
+  virtual bool keepsJointMap() const { return false; }
+  /// The state of now with its map. Cheap to be made; calling it computes, as long as exactMap's does, and
+  /// may be done in any thread. Empty where there is nothing yet.
+  virtual std::function<SavedMap()> savedMap() const { return {}; }
+  /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is
+  /// its own.
+  virtual void relocaliseIn(std::shared_ptr<const SavedMap> /*map*/) {}
+  /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first
+  /// measurement; else as relocaliseIn.
+  virtual void resumeFrom(std::shared_ptr<const SavedMap> /*map*/, double /*max_gap_s*/) {}
+  virtual MapUse mapUse() const { return MapUse::kNone; }
+};
+
+struct Config;
+struct InvariantConfig;
+
+Gates gatesOf(const InvariantConfig& config);
+void setGates(InvariantConfig& config, const Gates& gates);
+
+/// The estimator that `config.estimator` asks for.
+std::unique_ptr<Estimator> makeEstimator(const Config& config);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,131 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/health/blindness.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/sensors/clock_guard.hpp"
+#include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
+#include "vi_ekf_slam/core/slam/estimator.hpp"
+
+namespace vi_ekf_slam {
+
+/// A faster measurement is no motion of a vehicle but a fault, and large enough ones would overflow the
+/// filter.
+constexpr double kMaxSpeed = 1e3;        ///< m/s
+constexpr double kMaxAngularSpeed = 1e3; ///< rad/s
+
+/// The result of one processed measurement.
+struct Output {
+  StateEstimate state;
+  SE3 odom_T_imu;        ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
+  FrameReport report;    ///< only for frames
+  double update_s = 0.0; ///< s of wall time that the estimator took; only for frames
+};
+
+/// Counts since construction; a reset does not clear them.
+struct SystemCounts {
+  std::array<std::uint64_t, kStreamCount> processed{};
+  std::array<std::uint64_t, kStreamCount> late{};
+  std::array<std::uint64_t, kStreamCount> duplicate{};
+  std::array<std::uint64_t, kStreamCount> ahead{};    ///< a stamp far ahead of all others, not confirmed
+  std::array<std::uint64_t, kStreamCount> behind{};   ///< a stamp far behind all others, not confirmed
+  std::array<std::uint64_t, kStreamCount> invalid{};  ///< not finite, too fast, or a covariance that is none
+  std::array<std::uint64_t, kStreamCount> too_fast{}; ///< of the invalid: beyond kMaxSpeed and the like
+  std::array<std::uint64_t, kStreamCount>
+      bad_covariance{}; ///< of the invalid: not symmetric positive definite
+  std::uint64_t frames_without_rig = 0;
+  std::uint64_t resets = 0;
+  std::uint64_t gaps = 0; ///< longer than max_jump_ahead_s, short enough to go on
+  std::uint64_t features = 0;
+  std::uint64_t features_invalid = 0;
+  std::uint64_t features_used = 0;
+  std::uint64_t features_rejected = 0;
+  std::uint64_t frames_rejected = 0;
+  std::uint64_t landmarks_revisited = 0;
+  std::uint64_t places_recognised = 0;
+  std::uint64_t relocalisations = 0;                         ///< in a loaded map
+  std::array<std::uint64_t, kDivergenceCount> divergences{}; ///< recovered from, by Divergence
+  double blind_s = 0.0; ///< s of sensor time in periods without a correction by features, see Blindness
+  std::uint64_t blind_periods = 0; ///< their number
+};
+
+/// The one way through the estimator, for node, nodelet, offline runner and tests alike:
+/// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run
+/// in the caller's thread.
+class SlamSystem {
+ public:
+  explicit SlamSystem(const Config& config);
+
+  /// Called after each stereo frame, in the order of stamps.
+  void onFrame(std::function<void(const Output&)> handler) { on_frame_ = std::move(handler); }
+  /// Called after each gyro sample (the rate of smooth odometry).
+  void onGyro(std::function<void(const Output&)> handler) { on_gyro_ = std::move(handler); }
+  /// Called after a reset, with the reason.
+  void onReset(std::function<void(const std::string&)> handler) { on_reset_ = std::move(handler); }
+
+  /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
+  /// the buffer may hold, unless the configuration does not look at features at all.
+  void setRig(const StereoRig& rig);
+  bool hasRig() const { return rig_.has_value(); }
+  /// Whether the configured estimator looks at features, for which it needs the calibration.
+  bool needsRig() const;
+
+  /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and
+  /// counted.
+  void add(Measurement measurement);
+
+  /// Processes all that is still held: the data are over.
+  void flush();
+
+  /// From now on, also after a reset.
+  void setGates(const Gates& gates);
+
+  /// Forgets state and map, keeps calibration, counts and what was loaded.
+  void reset(const std::string& reason);
+
+  /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator
+  /// that keeps no joint map.
+  void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
+  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws
+  /// MapError as above.
+  void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
+
+  const Estimator& estimator() const { return *estimator_; }
+  const SystemCounts& counts() const { return counts_; }
+  const Blindness& blindness() const { return blindness_; }
+  const Config& config() const { return config_; }
+
+ private:
+  void requireJointMap(const std::string& source) const;
+  bool waitingForRig() const;
+  bool countInvalid(const Measurement& measurement);
+  void buffer(Measurement measurement);
+  void followJump();
+  void countStrays();
+  void drain();
+  void process(const Measurement& measurement);
+  void count(const FrameReport& report);
+
+  Config config_;
+  ClockGuard guard_;
+  MeasurementBuffer buffer_;
+  std::unique_ptr<Estimator> estimator_;
+  DeadReckoning dead_reckoning_;
+  std::optional<StereoRig> rig_;
+  std::shared_ptr<const SavedMap> loaded_map_;
+  std::optional<Stamp> first_stamp_;
+  Blindness blindness_;
+  SystemCounts counts_;
+  std::function<void(const Output&)> on_frame_;
+  std::function<void(const Output&)> on_gyro_;
+  std::function<void(const std::string&)> on_reset_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,30 @@
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
+#include <Eigen/Cholesky>
+#include <limits>
+
+namespace vi_ekf_slam {
+namespace {
+
+template <int N, int Columns>
+Eigen::Matrix<double, N, Columns> solve(const Eigen::Matrix<double, N, N>& S,
+                                        const Eigen::Matrix<double, N, Columns>& B) {
+  const Eigen::LLT<Eigen::Matrix<double, N, N>> llt(S);
+  if (llt.info() == Eigen::Success) return llt.solve(B);
+  return Eigen::Matrix<double, N, Columns>::Constant(std::numeric_limits<double>::quiet_NaN());
+}
+
+} // namespace
+
+Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b) { return solve(S, b); }
+Eigen::Matrix3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Matrix3d& B) { return solve(S, B); }
+Vector6d solvePositive(const Matrix6d& S, const Vector6d& b) { return solve(S, b); }
+
+double squaredMahalanobis(const Eigen::Vector3d& e, const Eigen::Matrix3d& S) { return e.dot(solve(S, e)); }
+double squaredMahalanobis(const Vector6d& e, const Matrix6d& S) { return e.dot(solve(S, e)); }
+
+bool isPositiveDefinite(const Eigen::Matrix3d& S) {
+  return S.allFinite() && S.llt().info() == Eigen::Success;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,122 @@
+#include "vi_ekf_slam/core/map/saved_map.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <cstdio>
+#include <unordered_set>
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kFarthest = 1e6;          // m, of a pose or landmark from the map's origin
+constexpr double kFastest = 1e3;           // m/s or rad/s, of a twist or bias
+constexpr double kLargestVariance = 1e8;   // m^2, rad^2, ...: beyond it rounding alone is centimetres
+constexpr double kRotationRounding = 1e-6; // largest element of R^T R - I
+constexpr double kLatest = 4294967294.0;   // s, what a message's stamp can hold
+constexpr double kSymmetry = 1e-9;         // of the standard deviations of row and column
+// Of a correlation matrix's eigenvalues: what rounding leaves of exact zeros after a long drive.
+constexpr double kCorrelationRounding = 1e-8;
+
+std::string text(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof(buffer), "%.17g", value);
+  return buffer;
+}
+
+std::string within(double limit) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof(buffer), "finite numbers from %g to %g", -limit, limit);
+  return buffer;
+}
+
+template <typename Vector>
+void requireWithin(const Vector& v, double limit, const std::string& source, const std::string& field) {
+  for (Eigen::Index i = 0; i < v.size(); ++i) {
+    if (!(std::abs(v[i]) <= limit))
+      refuse(source, field + "[" + std::to_string(i) + "]", text(v[i]), within(limit));
+  }
+}
+
+void validateLandmarks(const SavedMap& map, const std::string& source) {
+  const std::string allowed_count = "at most " + std::to_string(kMaxSavedLandmarks);
+  if (map.landmarks.size() > kMaxSavedLandmarks)
+    refuse(source, "landmarks", std::to_string(map.landmarks.size()), allowed_count);
+  std::unordered_set<FeatureId> ids;
+  for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
+    const std::string field = "landmarks[" + std::to_string(i) + "]";
+    if (!ids.insert(map.landmarks[i].id).second)
+      refuse(source, field + ".id", std::to_string(map.landmarks[i].id), "every id once");
+    requireWithin(map.landmarks[i].position, kFarthest, source, field + ".position");
+  }
+}
+
+/// Entry by entry, which bounds them, before a factorisation looks at all of them.
+void validateEntries(const Eigen::MatrixXd& P, const std::string& source) {
+  const auto entry = [](Eigen::Index row, Eigen::Index column) {
+    return "covariance[" + std::to_string(row) + "][" + std::to_string(column) + "]";
+  };
+  const std::string bounds = "from 0 to " + text(kLargestVariance);
+  for (Eigen::Index i = 0; i < P.rows(); ++i) {
+    if (!(P(i, i) >= 0.0 && P(i, i) <= kLargestVariance)) refuse(source, entry(i, i), text(P(i, i)), bounds);
+  }
+  const Eigen::VectorXd sigma = P.diagonal().cwiseSqrt();
+  for (Eigen::Index column = 0; column < P.cols(); ++column) {
+    for (Eigen::Index row = column + 1; row < P.rows(); ++row) {
+      const double most = sigma[row] * sigma[column];
+      if (!(std::abs(P(row, column)) <= (1.0 + kCorrelationRounding) * most))
+        refuse(source, entry(row, column), text(P(row, column)),
+               "at most " + text(most) + ", as the diagonal has it");
+      if (!(std::abs(P(row, column) - P(column, row)) <= kSymmetry * most))
+        refuse(source, entry(column, row), text(P(column, row)),
+               text(P(row, column)) + ", as symmetry has it");
+    }
+  }
+}
+
+void validateDefinite(const Eigen::MatrixXd& P, const std::string& source) {
+  const Eigen::VectorXd scale =
+      P.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
+  Eigen::MatrixXd correlation(P.rows(), P.cols());
+  for (Eigen::Index column = 0; column < P.cols(); ++column) {
+    const Eigen::Index below = P.rows() - column;
+    correlation.col(column).tail(below) =
+        scale[column] * scale.tail(below).cwiseProduct(P.col(column).tail(below));
+  }
+  correlation.diagonal().setConstant(1.0 + kCorrelationRounding);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(correlation);
+  if (llt.info() != Eigen::Success)
+    refuse(source, "covariance", "not positive semidefinite",
+           "a covariance: symmetric, positive semidefinite");
+}
+
+} // namespace
+
+void refuse(const std::string& source, const std::string& field, const std::string& value,
+            const std::string& allowed) {
+  throw MapError(source + ": " + field + " is " + value + ", allowed: " + allowed);
+}
+
+void validate(const SavedMap& map, const std::string& source) {
+  const double seconds = toSeconds(map.stamp);
+  if (!(map.stamp > 0 && seconds < kLatest))
+    refuse(source, "stamp", text(seconds), "from 1e-9 to " + text(kLatest) + " s");
+  requireWithin(map.world_T_imu.translation(), kFarthest, source, "pose.position");
+  if (!map.world_T_imu.rotation().allFinite() ||
+      !so3::isRotation(map.world_T_imu.rotation(), kRotationRounding))
+    refuse(source, "pose.orientation", "no rotation", "a quaternion of norm 1");
+  requireWithin(map.twist, kFastest, source, "twist");
+  requireWithin(map.bias, kFastest, source, "bias");
+  validateLandmarks(map, source);
+  const Eigen::Index rows = kSavedBase + 3 * static_cast<Eigen::Index>(map.landmarks.size());
+  if (map.covariance.rows() != rows || map.covariance.cols() != rows) {
+    refuse(source, "covariance",
+           std::to_string(map.covariance.rows()) + " x " + std::to_string(map.covariance.cols()),
+           std::to_string(rows) + " x " + std::to_string(rows) + " for its landmarks");
+  }
+  validateEntries(map.covariance, source);
+  validateDefinite(map.covariance, source);
+}
+
+} // namespace vi_ekf_slam

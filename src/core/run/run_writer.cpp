@@ -1,0 +1,231 @@
+#include "vi_ekf_slam/core/run/run_writer.hpp"
+
+#include <Eigen/Geometry>
+#include <cstdio>
+#include <filesystem>
+#include <numeric>
+#include <sstream>
+#include <stdexcept>
+
+#include "vi_ekf_slam/core/run/atomic_file.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// printf into a string.
+template <typename... Args>
+std::string format(const char* pattern, Args... args) {
+  std::string text(160, '\0'); // a line, mostly
+  const auto size = static_cast<std::size_t>(std::snprintf(text.data(), text.size(), pattern, args...));
+  if (size >= text.size()) {
+    text.resize(size + 1);
+    std::snprintf(text.data(), text.size(), pattern, args...);
+  }
+  text.resize(size);
+  return text;
+}
+
+std::string pathIn(const std::string& directory, const char* name) {
+  return (fs::path(directory) / name).string();
+}
+
+std::array<double, 12> toNumbers(const SE3& pose) {
+  std::array<double, 12> numbers{};
+  Eigen::Map<Eigen::Matrix<double, 3, 4>>(numbers.data()) << pose.rotation(), pose.translation();
+  return numbers;
+}
+
+SE3 toPose(const std::array<double, 12>& numbers) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4>> matrix(numbers.data());
+  return {matrix.leftCols<3>(), matrix.col(3)};
+}
+
+std::string tumLine(Stamp stamp, const SE3& pose) {
+  Eigen::Quaterniond q(pose.rotation());
+  if (q.w() < 0.0) q.coeffs() = -q.coeffs();
+  const Eigen::Vector3d& t = pose.translation();
+  return stampText(stamp) +
+         format(" %.9f %.9f %.9f %.12f %.12f %.12f %.12f\n", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+}
+
+template <typename Derived>
+std::string upperTriangle(const Eigen::MatrixBase<Derived>& m) {
+  std::string text;
+  for (Eigen::Index row = 0; row < m.rows(); ++row) {
+    for (Eigen::Index col = row; col < m.cols(); ++col) text += format(",%.17g", m(row, col));
+  }
+  return text;
+}
+
+std::string covarianceHeader() {
+  const std::string axes = "xyzabc";
+  std::string text = "stamp";
+  for (std::size_t row = 0; row < axes.size(); ++row) {
+    for (std::size_t col = row; col < axes.size(); ++col) text += std::string(",") + axes[row] + axes[col];
+  }
+  return text + "\n";
+}
+
+std::string frameLine(const FrameReport& r, double update_s) {
+  return stampText(r.stamp) + format(",%zu,%zu,%zu,%zu,%zu,%zu,%zu,%d,%.9g,%zu,%.3f\n", r.features, r.invalid,
+                                     r.used, r.rejected, r.initialised, r.removed, r.landmarks,
+                                     r.frame_rejected ? 1 : 0, r.nis, r.nis_dof, 1e3 * update_s);
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c == '\n' ? ' ' : c;
+  }
+  return out + '"';
+}
+
+std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
+  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+}
+
+std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCount>& c) {
+  std::ostringstream text;
+  text << key << ": {total: " << total(c) << ", gyro: " << c[0] << ", velocity: " << c[1]
+       << ", stereo: " << c[2] << "}\n";
+  return text.str();
+}
+
+std::string divergences(const SystemCounts& counts) {
+  const auto& c = counts.divergences;
+  std::string text =
+      "divergences: {total: " + std::to_string(std::accumulate(c.begin(), c.end(), std::uint64_t{0}));
+  for (std::size_t i = 1; i < c.size(); ++i) {
+    text += std::string(", ") + kDivergenceNames[i] + ": " + std::to_string(c[i]);
+  }
+  return text + "}\n";
+}
+
+} // namespace
+
+std::string stampText(Stamp stamp) {
+  constexpr Stamp kSecond = 1000000000;
+  Stamp seconds = stamp / kSecond, nanoseconds = stamp % kSecond;
+  const char* sign = stamp < 0 ? "-" : "";
+  if (stamp < 0) {
+    seconds = -seconds;
+    nanoseconds = -nanoseconds;
+  }
+  return format("%s%lld.%09lld", sign, static_cast<long long>(seconds), static_cast<long long>(nanoseconds));
+}
+
+void RunWriter::makeDirectory(const std::string& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error || !fs::is_directory(directory)) {
+    throw std::runtime_error(
+        directory + ": cannot be created: " + (error ? error.message() : "it exists and is not a directory"));
+  }
+}
+
+RunRecord RunWriter::toRecord(const Output& o) {
+  RunRecord record;
+  record.stamp = o.state.stamp;
+  record.world_T_imu = toNumbers(o.state.world_T_imu);
+  record.odom_T_imu = toNumbers(o.odom_T_imu);
+  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
+  record.report = o.report;
+  record.update_s = o.update_s;
+  return record;
+}
+
+void RunWriter::addFrame(const Output& output) {
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records = RunRecords(spool_);
+  run.has_frames = true;
+  run.records.add(toRecord(output));
+}
+
+void RunWriter::addGyro(const Output& output) {
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records.add(toRecord(output));
+}
+
+void RunWriter::restart() {
+  if (empty()) return;
+  runs_.back().records.close();
+  runs_.push_back({RunRecords(spool_)});
+}
+
+double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
+
+void RunWriter::writeRun(const std::string& directory, const Run& run) {
+  makeDirectory(directory);
+  AtomicFile trajectory(pathIn(directory, kTrajectory));
+  AtomicFile dead_reckoning(pathIn(directory, kDeadReckoning));
+  AtomicFile covariance(pathIn(directory, kCovariance));
+  AtomicFile frames(pathIn(directory, kFrames));
+  covariance << covarianceHeader();
+  frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
+            "update_ms\n";
+  run.records.forEach([&](const RunRecord& r) {
+    trajectory << tumLine(r.stamp, toPose(r.world_T_imu));
+    dead_reckoning << tumLine(r.stamp, toPose(r.odom_T_imu));
+    const Eigen::Map<const Matrix6d> P(r.pose_covariance.data());
+    covariance << stampText(r.stamp) + upperTriangle(P) + "\n";
+    if (run.has_frames) frames << frameLine(r.report, r.update_s);
+  });
+  for (AtomicFile* file : {&trajectory, &dead_reckoning, &covariance, &frames}) file->commit();
+}
+
+void RunWriter::writeTrajectory(const std::string& directory) const {
+  writeRun(directory, runs_.back());
+  for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
+    writeRun((fs::path(directory) / (kBeforeReset + std::to_string(i + 1))).string(), runs_[i]);
+  }
+}
+
+void RunWriter::writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks) {
+  makeDirectory(directory);
+  std::string text = "id,x,y,z,xx,xy,xz,yy,yz,zz\n";
+  for (const LandmarkEstimate& landmark : landmarks) {
+    const Eigen::Vector3d& p = landmark.position;
+    text += format("%llu,%.9f,%.9f,%.9f", static_cast<unsigned long long>(landmark.id), p.x(), p.y(), p.z()) +
+            upperTriangle(landmark.covariance) + "\n";
+  }
+  AtomicFile file(pathIn(directory, kLandmarks));
+  file << text;
+  file.commit();
+}
+
+void RunWriter::writeSummary(const std::string& directory, const RunSummary& summary,
+                             std::size_t landmarks) const {
+  makeDirectory(directory);
+  const SystemCounts& c = summary.counts;
+  const double sensor_s = sensorSeconds();
+  std::ostringstream text;
+  text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
+       << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
+       << "\nframes: " << (hasFrames() ? size() : 0) << "\nlandmarks: " << landmarks
+       << format("\nwall_s: %.3f\nsensor_s: %.3f\ntimes_real_time: %.2f\n", summary.wall_s, sensor_s,
+                 summary.wall_s > 0.0 ? sensor_s / summary.wall_s : 0.0)
+       << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid
+       << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
+       << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
+       << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
+       << "\nrelocalisations: " << c.relocalisations << format("\nblind_s: %.3f", c.blind_s)
+       << "\nblind_periods: " << c.blind_periods << "\n"
+       << divergences(c) << "resets: " << c.resets << "\ngaps: " << c.gaps << "\n"
+       << perStream("processed", c.processed) << perStream("late", c.late)
+       << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
+       << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";
+  const char* separator = "";
+  for (const auto& [reason, count] : summary.turned_away) {
+    text << separator << quoted(reason) << ": " << count;
+    separator = ", ";
+  }
+  text << "}\n";
+  AtomicFile file(pathIn(directory, kSummary));
+  file << text.str();
+  file.commit();
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,233 @@
+#include "vi_ekf_slam/core/run/yaml_section.hpp"
+
+#include <yaml-cpp/eventhandler.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+namespace vi_ekf_slam {
+namespace {
+
+std::string join(const std::vector<std::string>& names) {
+  std::string text;
+  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+std::string describe(const YAML::Node& node) {
+  std::ostringstream text;
+  text << node;
+  std::string value = text.str();
+  if (value.size() > 80) value = value.substr(0, 77) + "...";
+  return value;
+}
+
+// yaml-cpp before 0.7 descends into nested nodes without a bound and overflows the stack. Each level takes a
+// bracket or a character of a line's beginning (indentation, "- ", "? "), so bounding both bounds it.
+constexpr std::size_t kMaxNesting = 1000;
+
+bool mayNestDeeply(const std::string& yaml) {
+  std::size_t brackets = 0, leading = 0, longest = 0;
+  bool at_beginning = true;
+  for (const char c : yaml) {
+    if (c == '[' || c == '{') ++brackets;
+    if (c == '\n') {
+      at_beginning = true;
+      leading = 0;
+    } else if (at_beginning) {
+      at_beginning = c == ' ' || c == '\t' || c == '-' || c == '?' || c == ':';
+      longest = std::max(longest, ++leading);
+    }
+  }
+  return brackets > kMaxNesting || longest > kMaxNesting;
+}
+
+/// Counts the documents of a stream; YAML::Load reads the first and keeps silent about the others, and
+/// YAML::LoadAll stops at the first empty one.
+class DocumentCounter : public YAML::EventHandler {
+ public:
+  int documents = 0;
+  int line = 0; ///< of the newest document's first content, from 1
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    ++documents;
+    line = mark.line + 1;
+  }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
+  }
+  void OnMapEnd() override {}
+};
+
+void expectOneDocument(const std::string& yaml, const std::string& source) {
+  std::istringstream stream(yaml);
+  YAML::Parser parser(stream);
+  DocumentCounter counter;
+  while (counter.documents < 2 && parser.HandleNextDocument(counter)) {
+  }
+  if (counter.documents > 1) {
+    throw ConfigError(source + ": a second document begins after '---' at line " +
+                      std::to_string(counter.line) + "; one is allowed");
+  }
+}
+
+} // namespace
+
+std::string readYamlFile(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw ConfigError(path + ": cannot be opened; it must be a readable YAML file");
+  std::string text(kMaxYamlBytes + 1, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  // A directory opens, it is the reading that fails.
+  if (file.bad()) throw ConfigError(path + ": cannot be read; it must be a YAML file, not a directory");
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  if (text.size() > kMaxYamlBytes) {
+    throw ConfigError(path + ": is larger than " + std::to_string(kMaxYamlBytes) +
+                      " bytes, which is the most that is allowed");
+  }
+  return text;
+}
+
+bool Range::contains(double x) const {
+  if (!std::isfinite(x)) return false;
+  return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high);
+}
+
+std::string Range::text() const {
+  std::ostringstream text;
+  text << "a finite number " << (low_open ? "> " : ">= ") << low;
+  if (high < std::numeric_limits<double>::max()) text << " and " << (high_open ? "< " : "<= ") << high;
+  return text.str();
+}
+
+YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
+    : node_(std::move(node)), path_(std::move(path)), source_(std::move(source)) {
+  if (node_ && !node_.IsNull() && !node_.IsMap()) {
+    const std::string name = path_.empty() ? "the document" : path_.substr(0, path_.size() - 1);
+    throw ConfigError(source_ + ": " + name + ": '" + describe(node_) +
+                      "' is not allowed; it must be a mapping of keys to values");
+  }
+  if (!node_ || !node_.IsMap()) return;
+  std::set<std::string> seen;
+  for (const auto& entry : node_) {
+    if (!entry.first.IsScalar()) throw ConfigError(source_ + ": " + path_ + ": a key is not a plain name");
+    if (!seen.insert(entry.first.Scalar()).second) {
+      throw ConfigError(source_ + ": " + path_ + entry.first.Scalar() + ": given twice; once is allowed");
+    }
+  }
+}
+
+YamlSection YamlSection::root(const std::string& yaml, const std::string& source) {
+  if (mayNestDeeply(yaml)) {
+    throw ConfigError(source + ": not readable as YAML: an indentation of more than " +
+                      std::to_string(kMaxNesting) +
+                      " characters or more than as many '[' and '{' are not allowed");
+  }
+  try {
+    expectOneDocument(yaml, source);
+    return YamlSection(YAML::Load(yaml), "", source);
+  } catch (const YAML::Exception& error) {
+    throw ConfigError(source + ": not readable as YAML: " + error.what());
+  }
+}
+
+YAML::Node YamlSection::find(const std::string& key) {
+  known_.insert(key);
+  const YAML::Node& node = node_; // the const operator[] does not insert
+  return node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+}
+
+YamlSection YamlSection::section(const std::string& key) {
+  const YAML::Node node = find(key);
+  return YamlSection(node.IsDefined() ? node : YAML::Node(), path_ + key + ".", source_);
+}
+
+void YamlSection::fail(const std::string& key, const std::string& value, const std::string& allowed) const {
+  const YAML::Node& node = node_; // the const operator[] does not insert
+  const YAML::Node given = node && node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+  double x = 0.0;
+  const bool is_number = given.IsDefined() && given.IsScalar() && YAML::convert<double>::decode(given, x);
+  throw ConfigError(source_ + ": " + path_ + key + ": '" + (is_number ? given.Scalar() : value) +
+                    "' is not allowed; it must be " + allowed);
+}
+
+double YamlSection::number(const std::string& key, const YAML::Node& node, const Range& range) const {
+  double x = 0.0;
+  if (!node.IsScalar() || !YAML::convert<double>::decode(node, x) || !range.contains(x)) {
+    fail(key, describe(node), range.text());
+  }
+  return x;
+}
+
+void YamlSection::read(const std::string& key, const Range& range, double& value) {
+  if (const YAML::Node node = find(key); node.IsDefined()) value = number(key, node, range);
+}
+
+void YamlSection::read(const std::string& key, const Range& range, std::size_t& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  const double x = number(key, node, range);
+  if (x != std::floor(x) || x < 0.0 || x > 9007199254740992.0) fail(key, describe(node), "a whole number");
+  value = static_cast<std::size_t>(x);
+}
+
+void YamlSection::read(const std::string& key, bool& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (!node.IsScalar() || !YAML::convert<bool>::decode(node, value)) {
+    fail(key, describe(node), "true or false");
+  }
+}
+
+void YamlSection::read(const std::string& key, std::string& value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (!node.IsScalar()) fail(key, describe(node), "a text");
+  value = node.Scalar();
+}
+
+void YamlSection::read(const std::string& key, const Range& range, Eigen::Ref<Eigen::VectorXd> value) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return;
+  if (node.IsScalar()) {
+    value.setConstant(number(key, node, range));
+    return;
+  }
+  const auto size = static_cast<std::size_t>(value.size());
+  if (!node.IsSequence() || node.size() != size) {
+    fail(key, describe(node), "one number or a list of " + std::to_string(size));
+  }
+  for (std::size_t i = 0; i < size; ++i) {
+    value[static_cast<Eigen::Index>(i)] = number(key + "[" + std::to_string(i) + "]", node[i], range);
+  }
+}
+
+std::size_t YamlSection::choiceIndex(const std::string& key, const std::vector<std::string>& names) {
+  const YAML::Node node = find(key);
+  if (!node.IsDefined()) return names.size();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (node.IsScalar() && node.Scalar() == names[i]) return i;
+  }
+  fail(key, describe(node), "one of " + join(names));
+}
+
+void YamlSection::finish() const {
+  if (!node_ || !node_.IsMap()) return;
+  for (const auto& entry : node_) {
+    const std::string& key = entry.first.Scalar();
+    if (known_.count(key) == 0) {
+      throw ConfigError(source_ + ": " + path_ + key + ": unknown key; known are " +
+                        join(std::vector<std::string>(known_.begin(), known_.end())));
+    }
+  }
+}
+
+} // namespace vi_ekf_slam

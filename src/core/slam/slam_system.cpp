@@ -1,0 +1,204 @@
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
+
+Fault faultOf(const Eigen::Vector3d& value, double max_norm,
+              const std::optional<Eigen::Matrix3d>& covariance) {
+  if (!value.allFinite()) return Fault::kNotFinite;
+  if (!(value.norm() <= max_norm)) return Fault::kTooFast;
+  if (!covariance) return Fault::kNone;
+  if (!covariance->allFinite()) return Fault::kBadCovariance;
+  const Eigen::Matrix3d& C = *covariance;
+  const double asymmetry = (C - C.transpose()).cwiseAbs().maxCoeff();
+  const bool good = asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && isPositiveDefinite(C);
+  return good ? Fault::kNone : Fault::kBadCovariance;
+}
+
+Fault faultOf(const GyroSample& s) { return faultOf(s.angular_velocity, kMaxAngularSpeed, s.covariance); }
+Fault faultOf(const VelocitySample& s) { return faultOf(s.linear_velocity, kMaxSpeed, s.covariance); }
+Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judged one by one, by the estimator
+
+} // namespace
+
+SlamSystem::SlamSystem(const Config& config)
+    : config_(config), guard_(config.buffer), buffer_(config.buffer), estimator_(makeEstimator(config)) {}
+
+void SlamSystem::setRig(const StereoRig& rig) {
+  rig_ = rig;
+  estimator_->setRig(rig);
+  drain();
+}
+
+bool SlamSystem::countInvalid(const Measurement& measurement) {
+  const Fault fault = std::visit([](const auto& sample) { return faultOf(sample); }, measurement);
+  if (fault == Fault::kNone) return false;
+  const auto stream = static_cast<std::size_t>(streamOf(measurement));
+  ++counts_.invalid[stream];
+  if (fault == Fault::kTooFast) ++counts_.too_fast[stream];
+  if (fault == Fault::kBadCovariance) ++counts_.bad_covariance[stream];
+  return true;
+}
+
+void SlamSystem::add(Measurement measurement) {
+  if (countInvalid(measurement)) return;
+  const auto verdict = guard_.judge(measurement, buffer_.newest());
+  countStrays();
+  if (verdict == ClockGuard::Verdict::kHeld) return;
+  if (verdict == ClockGuard::Verdict::kJump) {
+    followJump();
+  } else {
+    buffer(std::move(measurement));
+  }
+  drain();
+}
+
+void SlamSystem::buffer(Measurement measurement) {
+  const auto stream = static_cast<std::size_t>(streamOf(measurement));
+  const Stamp stamp = stampOf(measurement);
+  switch (buffer_.add(std::move(measurement))) {
+    case MeasurementBuffer::Verdict::kAccepted:
+      break;
+    case MeasurementBuffer::Verdict::kLate:
+      ++counts_.late[stream];
+      break;
+    case MeasurementBuffer::Verdict::kDuplicate:
+      ++counts_.duplicate[stream];
+      break;
+    case MeasurementBuffer::Verdict::kJumpBack: // within what confirmed a jump; the guard keeps others away
+      ++counts_.late[stream];
+      return;
+  }
+  if (!first_stamp_) first_stamp_ = stamp;
+}
+
+/// A gap is driven through; what is longer, and any way back, is a new start.
+void SlamSystem::followJump() {
+  std::vector<Measurement> measurements = guard_.take();
+  const double ahead = secondsBetween(*buffer_.newest(), stampOf(measurements.front()));
+  if (ahead > 0.0 && ahead <= config_.buffer.max_gap_s) {
+    ++counts_.gaps;
+  } else {
+    reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
+          std::to_string(std::abs(ahead)) + " s");
+  }
+  for (Measurement& measurement : measurements) buffer(std::move(measurement));
+}
+
+void SlamSystem::countStrays() {
+  counts_.ahead = guard_.strays().ahead;
+  counts_.behind = guard_.strays().behind;
+}
+
+bool SlamSystem::needsRig() const {
+  return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
+}
+
+bool SlamSystem::waitingForRig() const {
+  return !rig_ && needsRig() && first_stamp_ && buffer_.newest() &&
+         secondsBetween(*first_stamp_, *buffer_.newest()) < config_.rig_wait_s;
+}
+
+void SlamSystem::drain() {
+  if (waitingForRig()) {
+    while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
+    return;
+  }
+  while (auto measurement = buffer_.pop()) process(*measurement);
+}
+
+void SlamSystem::flush() {
+  guard_.discard();
+  countStrays();
+  while (auto measurement = buffer_.popRegardless()) process(*measurement);
+}
+
+void SlamSystem::setGates(const Gates& gates) {
+  vi_ekf_slam::setGates(config_.invariant, gates);
+  estimator_->setGates(gates);
+}
+
+void SlamSystem::reset(const std::string& reason) {
+  // What was measured before the reset is still due to whoever listens.
+  flush();
+  buffer_.clear();
+  estimator_ = makeEstimator(config_);
+  if (rig_) estimator_->setRig(*rig_);
+  if (loaded_map_) estimator_->relocaliseIn(loaded_map_);
+  dead_reckoning_ = DeadReckoning();
+  first_stamp_.reset();
+  blindness_.restart();
+  ++counts_.resets;
+  if (on_reset_) on_reset_(reason);
+}
+
+void SlamSystem::requireJointMap(const std::string& source) const {
+  if (estimator_->keepsJointMap()) return;
+  throw MapError(
+      source +
+      ": the configured estimator has no use for a map; estimator: invariant with map.keep: good or all has");
+}
+
+void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string& source) {
+  requireJointMap(source);
+  loaded_map_ = std::move(map);
+  if (first_stamp_) {
+    reset("map loaded from " + source);
+  } else {
+    estimator_->relocaliseIn(loaded_map_);
+  }
+}
+
+void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source) {
+  requireJointMap(source);
+  estimator_->resumeFrom(std::move(map), config_.buffer.max_gap_s);
+}
+
+void SlamSystem::process(const Measurement& measurement) {
+  ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
+  if (needsRig()) blindness_.advanceTo(stampOf(measurement));
+  counts_.blind_s = blindness_.total();
+  counts_.blind_periods = blindness_.periods();
+  if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+    estimator_->process(*gyro);
+    dead_reckoning_.process(*gyro);
+    if (on_gyro_) on_gyro_({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
+  } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
+    estimator_->process(*velocity);
+    dead_reckoning_.process(*velocity);
+  } else {
+    const auto& frame = std::get<StereoFrame>(measurement);
+    if (!rig_) ++counts_.frames_without_rig;
+    const auto start = std::chrono::steady_clock::now();
+    const FrameReport report = estimator_->process(frame);
+    const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
+    dead_reckoning_.advanceTo(frame.stamp);
+    count(report);
+    if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
+  }
+}
+
+void SlamSystem::count(const FrameReport& report) {
+  counts_.features += report.features;
+  counts_.features_invalid += report.invalid;
+  counts_.features_used += report.used;
+  counts_.features_rejected += report.rejected;
+  counts_.frames_rejected += report.frame_rejected ? 1 : 0;
+  counts_.landmarks_revisited += report.revisited;
+  counts_.places_recognised += report.place_recognised ? 1 : 0;
+  counts_.relocalisations += report.relocalised ? 1 : 0;
+  if (report.divergence != Divergence::kNone)
+    ++counts_.divergences[static_cast<std::size_t>(report.divergence)];
+  if (report.used > 0) blindness_.noteUse();
+}
+
+} // namespace vi_ekf_slam
