@@ -13,7 +13,7 @@
 #include <cmath>
 #include <random>
 
-#include "vi_ekf_slam/core/invariant/frame_update.hpp"
+#include "vi_ekf_slam/core/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -61,8 +61,8 @@ struct Scene {
     return rig;
   }
 
-  PooledVector<Observation> observations() const {
-    PooledVector<Observation> all;
+  std::vector<Observation> observations() const {
+    std::vector<Observation> all;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       auto observation = model.observe(state, i, frame.features[i].pixels);
       observation->feature = i;

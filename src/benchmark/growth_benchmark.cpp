@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/invariant/frame_update.hpp"
+#include "vi_ekf_slam/core/frame_update.hpp"
 
 namespace vi_ekf_slam::invariant {
 namespace {
@@ -59,7 +59,7 @@ class Scene {
 
     const std::clock_t start = std::clock();
     state_.propagate(0.1, {config_.twist_density, config_.bias_density});
-    PooledVector<Observation> observations;
+    std::vector<Observation> observations;
     for (std::size_t i = 0; i < frame.features.size(); ++i) {
       observations.push_back(*model_.observe(state_, i, frame.features[i].pixels));
       observations.back().feature = i;

@@ -1,9 +1,9 @@
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 #include <Eigen/Geometry>
+#include <unordered_set>
 #include <algorithm>
 
-#include "vi_ekf_slam/core/memory_pool.hpp"
 
 namespace vi_ekf_slam::conversions {
 namespace {
@@ -94,7 +94,7 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
   StereoFrame frame;
   frame.stamp = toStamp(message.header.stamp);
   frame.features.reserve(message.features.size());
-  PooledHashSet<FeatureId> seen(message.features.size());
+  std::unordered_set<FeatureId> seen(message.features.size());
   for (const StereoFeature& f : message.features) {
     if (!seen.insert(f.id).second) continue;
     frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right)});

@@ -43,47 +43,57 @@ void readPaper(YamlSection section, PaperConfig& paper) {
   section.finish();
 }
 
+void readMotion(YamlSection& section, ConstantTwist::Options& motion) {
+  section.read("twist_density", Range::notNegative(), motion.twist_density);
+  section.read("bias_density", Range::notNegative(), motion.bias_density);
+  section.read("prior_twist_sigma", Range::positive(), motion.prior_twist_sigma);
+  section.read("prior_bias_sigma", Range::positive(), motion.prior_bias_sigma);
+  section.read("velocity_sigma", Range::positive(), motion.velocity_sigma);
+  section.read("gyro_sigma", Range::positive(), motion.gyro_sigma);
+}
+
+void readStereo(YamlSection& section, StereoModel::Options& stereo) {
+  section.read("pixel_sigma", Range::positive(), stereo.pixel_sigma);
+  section.read("min_disparity", Range::positive(), stereo.min_disparity);
+  section.read("max_row_offset", Range::positive(), stereo.max_row_offset);
+  section.read("min_depth_m", Range::positive(), stereo.min_depth_m);
+  section.read("max_depth_m", Range::positive(), stereo.max_depth_m);
+  checkDepths(section, stereo.min_depth_m, stereo.max_depth_m);
+}
+
+void readUpdate(YamlSection& section, FrameUpdate::Options& update) {
+  section.read("consensus", update.consensus);
+  section.read("consensus_px", Range::positive(), update.consensus_px);
+  section.read("gate", Range::positive(), update.gate);
+  section.read("frame_gate", Range::positive(), update.frame_gate);
+  section.read("plausible_gate", Range::positive(), update.plausible_gate);
+  section.read("motion_gate", Range::positive(), update.motion_gate);
+}
+
+void readRecovery(YamlSection& section, Recovery::Options& recovery) {
+  section.read("divergence_window_s", Range::closed(0.0, 3600.0), recovery.monitor.window_s);
+  section.read("divergence_nis", Range::positive(), recovery.monitor.nis);
+  section.read("divergence_share", Range::halfOpen(0.0, 1.0), recovery.monitor.refused_share);
+  section.read("divergence_jump_m", Range::closed(0.0, 1e6), recovery.jump_m);
+}
+
 void readInvariant(YamlSection section, InvariantConfig& invariant) {
-  section.read("twist_density", Range::notNegative(), invariant.twist_density);
-  section.read("bias_density", Range::notNegative(), invariant.bias_density);
-  section.read("prior_twist_sigma", Range::positive(), invariant.prior_twist_sigma);
-  section.read("prior_bias_sigma", Range::positive(), invariant.prior_bias_sigma);
-  section.read("velocity_sigma", Range::positive(), invariant.velocity_sigma);
-  section.read("gyro_sigma", Range::positive(), invariant.gyro_sigma);
-  section.read("twist_state", invariant.twist_state);
-  section.read("pixel_sigma", Range::positive(), invariant.pixel_sigma);
-  section.read("min_disparity", Range::positive(), invariant.min_disparity);
-  section.read("max_row_offset", Range::positive(), invariant.max_row_offset);
-  section.read("min_depth_m", Range::positive(), invariant.min_depth_m);
-  section.read("max_depth_m", Range::positive(), invariant.max_depth_m);
-  section.read("consensus", invariant.consensus);
-  section.read("consensus_px", Range::positive(), invariant.consensus_px);
-  section.read("gate", Range::positive(), invariant.gate);
-  section.read("frame_gate", Range::positive(), invariant.frame_gate);
-  section.read("plausible_gate", Range::positive(), invariant.plausible_gate);
-  section.read("motion_gate", Range::positive(), invariant.motion_gate);
-  section.read("manoeuvre_density", Range::notNegative(), invariant.manoeuvre_density);
-  section.read("manoeuvre_share", Range::closed(0.5, 1.0), invariant.manoeuvre_share);
-  section.read("drift_position", Range::notNegative(), invariant.drift_position);
-  section.read("drift_rotation", Range::notNegative(), invariant.drift_rotation);
+  readMotion(section, invariant.motion);
+  readStereo(section, invariant.stereo);
+  readUpdate(section, invariant.update);
+  readRecovery(section, invariant.recovery);
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
-  section.read("scale_significance", Range::positive(), invariant.scale_significance);
-  section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.divergence.window_s);
-  section.read("divergence_nis", Range::positive(), invariant.divergence.nis);
-  section.read("divergence_share", Range::halfOpen(0.0, 1.0), invariant.divergence.refused_share);
-  section.read("divergence_jump_m", Range::closed(0.0, 1e6), invariant.divergence_jump_m);
-  checkDepths(section, invariant.min_depth_m, invariant.max_depth_m);
   section.finish();
 }
 
-void readMap(YamlSection section, MapConfig& map) {
+void readMap(YamlSection section, InvariantConfig& invariant) {
+  LandmarkMap::Options& map = invariant.map;
   section.readChoice<MapKeep>(
       "keep", {{"none", MapKeep::kNone}, {"good", MapKeep::kGood}, {"all", MapKeep::kAll}}, map.keep);
-  section.read("min_observations", Range::closed(1.0, 1e6), map.min_observations);
+  section.read("min_track_s", Range::closed(0.0, 1e6), map.min_track_s);
   section.read("max_landmarks", Range::closed(0.0, 20000.0), map.max_landmarks);
-  section.read("deferred_mb", Range::closed(16.0, 1e6), map.deferred_mb);
-  section.read("recognise_places", map.recognise_places);
+  section.read("recognise_places", invariant.recognise_places);
   section.finish();
 }
 
@@ -98,7 +108,7 @@ Config parseConfig(const std::string& yaml, const std::string& source,
                                  config.estimator);
   readBuffer(root.section("buffer"), config.buffer, config.rig_wait_s);
   readInvariant(root.section("invariant"), config.invariant);
-  readMap(root.section("map"), config.invariant.map);
+  readMap(root.section("map"), config.invariant);
   readPaper(root.section("paper"), config.paper);
   for (const auto& section : other_sections) root.allow(section);
   root.finish();

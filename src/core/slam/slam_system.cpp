@@ -85,11 +85,12 @@ void SlamSystem::buffer(Measurement measurement) {
 void SlamSystem::followJump() {
   std::vector<Measurement> measurements = guard_.take();
   const double ahead = secondsBetween(*buffer_.newest(), stampOf(measurements.front()));
-  if (ahead > 0.0 && ahead <= config_.buffer.max_gap_s) {
+  const bool is_gap = ahead > 0.0 && ahead <= config_.buffer.max_gap_s;
+  if (is_gap && estimator_->canBridge(ahead)) {
     ++counts_.gaps;
   } else {
     reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
-          std::to_string(std::abs(ahead)) + " s");
+          std::to_string(std::abs(ahead)) + " s" + (is_gap ? ", after which the heading is not known" : ""));
   }
   for (Measurement& measurement : measurements) buffer(std::move(measurement));
 }

@@ -2,8 +2,8 @@
 
 #include <array>
 #include <cstddef>
+#include <deque>
 
-#include "vi_ekf_slam/core/memory_pool.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {
@@ -55,7 +55,7 @@ class DivergenceMonitor {
 
  private:
   Options options_;
-  PooledDeque<Frame> frames_;
+  std::deque<Frame> frames_;
 };
 
 } // namespace vi_ekf_slam

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/invariant/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
+#include "vi_ekf_slam/core/slam/invariant_config.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {

@@ -2,10 +2,10 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <utility>
 
-#include "vi_ekf_slam/core/memory_pool.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
@@ -80,7 +80,7 @@ class MeasurementBuffer {
   Stamp watermark() const;
 
   Options options_;
-  PooledMap<Key, Measurement> pending_;
+  std::map<Key, Measurement> pending_;
   std::array<StreamClock, kStreamCount> clocks_;
   std::optional<Stamp> first_;
   std::optional<Stamp> newest_;

@@ -88,6 +88,10 @@ class Estimator {
   /// From now on; an estimator without such gates has nothing to change.
   virtual void setGates(const Gates& /*gates*/) {}
 
+  /// Whether the estimate may go on after a gap of so many s in which nothing is measured: the heading is
+  /// known well enough then.
+  virtual bool canBridge(double /*gap_s*/) const { return true; }
+
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/filter/innovation.hpp"
+#include "vi_ekf_slam/core/filter/variables.hpp"
+
+namespace vi_ekf_slam {
+
+/// The Kalman update by measurements of three rows that each measure three errors of their own directly,
+/// z_i = J_i (y_i + G_i c) + noise of covariance R_i with J_i invertible, c being few others (calibration).
+/// What is measured is, but for the noise, a part of the state itself, so that with A_i = R_i J_i^-T the
+/// covariance of y + G c afterwards is that of S^-1 alone,
+///
+///   cov(i, j) = [i = j] A_i^T R_i^-1 A_i - A_i^T (S^-1)_ij A_j,
+///
+/// and P - (P H^T) S^-1 (P H^T)^T has to be worked out for the other errors only. Exact, at less than half of
+/// the operations.
+class DirectUpdate {
+ public:
+  /// Nothing where the measurements are others, where so few errors are measured that the general form is
+  /// faster, or where S is so large beside R that rounding would show. `in` is factorised.
+  static std::optional<DirectUpdate> make(const Innovation& in);
+
+  bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
+  const Eigen::MatrixXd& inverseS() const { return S_inverse_; }
+
+  /// P <- T (P - K S K^T) T^T, where T re-expresses points.
+  void correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) const;
+
+ private:
+  struct Seen {
+    Eigen::Index row;          ///< of the errors, the first of three
+    Eigen::Matrix3d J_inverse; ///< m/px
+    Eigen::Matrix3d noise;     ///< R
+    std::vector<LinearMeasurement::Term> others; ///< G, by J^-1
+  };
+  struct Rest {
+    Eigen::MatrixXd own;   ///< covariance of the errors that are not measured
+    Eigen::MatrixXd cross; ///< with those that are
+  };
+
+  DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::vector<Eigen::Index> rest);
+  Rest correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Matrix3d>& A) const;
+
+  std::vector<Seen> seen_;
+  std::vector<Eigen::Index> rest_; ///< rows
+  Eigen::MatrixXd S_inverse_;
+  Eigen::MatrixXd weighted_; ///< of the rest: P H^T L^-T
+  Eigen::MatrixXd gain_;     ///< of the rest: P H^T S^-1
+};
+
+/// P <- T P T^T, where T re-expresses points, y <- M y.
+void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points);
+
+} // namespace vi_ekf_slam

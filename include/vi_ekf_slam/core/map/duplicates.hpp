@@ -1,0 +1,25 @@
+#pragma once
+
+#include <vector>
+
+#include "vi_ekf_slam/core/filter/filter.hpp"
+
+namespace vi_ekf_slam {
+
+/// Two active points that are said to be the same one.
+struct Duplicate {
+  Handle now;    ///< as it is seen now
+  Handle before; ///< as it was seen before
+};
+
+struct Fusion {
+  std::vector<bool> fused;  ///< pair by pair
+  std::size_t count() const;
+};
+
+/// Tells the filter that points are the same, within `sigma` m, where at least `least` of the pairs agree with
+/// each other under its covariance: the largest consensus over hypotheses of one pair, and a gate on all of
+/// them. Both points of a pair stay. Nothing changes where too few agree.
+Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cstddef>
+#include <unordered_map>
+#include <vector>
+
+#include "vi_ekf_slam/core/filter/filter.hpp"
+#include "vi_ekf_slam/core/map/archive.hpp"
+
+namespace vi_ekf_slam {
+
+/// What is known of a landmark beside its position, which the filter has.
+struct Landmark {
+  FeatureId id = 0;
+  Handle variable = 0;
+  std::size_t observations = 1; ///< that corrected the state, the first one included
+  Stamp first_seen = 0;         ///< since when it is tracked without a break
+  Stamp last_seen = 0;          ///< in a frame that was used, or reactivated
+  bool reactivated = false;     ///< from an earlier time, not in view yet
+};
+
+enum class MapKeep {
+  kNone, ///< landmarks out of view are marginalised; their last estimates stay in the map
+  kGood, ///< those that were tracked for long enough stay in the joint covariance
+  kAll,  ///< all of them do
+};
+
+/// The life of landmarks: active while they are tracked, then inactive in the joint covariance, or archived as
+/// a last estimate.
+class LandmarkMap {
+ public:
+  struct Options {
+    MapKeep keep = MapKeep::kGood;
+    double min_track_s = 0.9; ///< s that a good landmark was tracked for
+    /// Inactive in the joint covariance; beyond it those that were tracked the longest time ago are
+    /// marginalised, and their last estimates stay in the map.
+    std::size_t max_landmarks = 2000;
+  };
+
+  explicit LandmarkMap(const Options& options);
+
+  bool keepsInactive() const { return options_.keep != MapKeep::kNone; }
+  const std::vector<Landmark>& active() const { return active_; }
+  Landmark& active(std::size_t index) { return active_[index]; }
+  /// Where each is in active(), by id; the first one of those that share an id.
+  std::unordered_map<FeatureId, std::size_t> indexById() const;
+  /// Of an inactive landmark.
+  bool isInactive(FeatureId id) const { return inactive_by_id_.count(id) != 0; }
+  Handle inactiveVariable(FeatureId id) const { return inactive_by_id_.at(id); }
+  const Landmark& inactive(Handle variable) const { return inactive_.at(variable); }
+  const Archive& archive() const { return archive_; }
+  Archive& archive() { return archive_; }
+
+  /// A new active landmark, the last one.
+  void add(const Landmark& landmark) { active_.push_back(landmark); }
+  /// An active landmark is tracked no more: it goes where the options want it. The last one takes its place.
+  /// `noise` (3x3, m^2, world axes) is added to its error.
+  void leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
+  /// One that contradicted the static world, or another one's duplicate, is forgotten.
+  void discard(Filter& filter, std::size_t index);
+  /// Makes inactive, whatever the options say; there is none of its id.
+  void deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
+  /// Inactive landmarks are the last active ones, in this order.
+  void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
+  /// Marginalises those that were tracked the longest time ago, where there are too many; `all`: all.
+  void bound(Filter& filter, bool all = false);
+  /// The landmarks of another map, inactive.
+  void adopt(Filter& filter, const std::vector<Landmark>& landmarks,
+             const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+  /// No landmark is active or inactive any more; the filter is another one.
+  void clear();
+  /// All estimates that are valid go to the archive; for a filter that is to be given up.
+  void archiveAll(const Filter& filter);
+
+  /// Every landmark by id, once. With `exact`, the covariances of now; else those of inactive ones may be of
+  /// when they were last settled, which is never less.
+  std::vector<LandmarkEstimate> estimates(const Filter& filter, bool exact) const;
+
+ private:
+  LandmarkEstimate estimateOf(const Filter& filter, const Landmark& landmark) const;
+  void drop(std::size_t index);
+  bool isGood(const Landmark& landmark) const;
+
+  Options options_;
+  std::vector<Landmark> active_;
+  std::unordered_map<Handle, Landmark> inactive_;
+  std::unordered_map<FeatureId, Handle> inactive_by_id_;
+  Archive archive_;
+};
+
+} // namespace vi_ekf_slam

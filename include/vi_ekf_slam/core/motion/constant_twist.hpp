@@ -1,0 +1,52 @@
+#pragma once
+
+#include "vi_ekf_slam/core/motion/motion_model.hpp"
+
+namespace vi_ekf_slam {
+
+/// The body's twist nu = (v, omega) is a random walk, white noise on its derivative; gyro and velocity are
+/// measurements of it plus their biases, each at its own rate. For bodies without an accelerometer, and for
+/// cameras alone.
+class ConstantTwist : public MotionModel {
+ public:
+  /// Root spectral densities are per axis, and (velocity, angular velocity); sigmas standard deviations.
+  struct Options {
+    /// m/s^1.5 and rad/s^1.5: how hard the body can accelerate.
+    Vector6d twist_density = (Vector6d() << 0.5, 0.08, 0.08, 0.05, 0.05, 0.05).finished();
+    Vector6d bias_density = Vector6d::Zero(); ///< m/s^1.5 and rad/s^1.5: random walk of the biases
+    Vector6d prior_twist_sigma = (Vector6d() << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5).finished();
+    Vector6d prior_bias_sigma = (Vector6d() << 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01).finished();
+    double velocity_sigma = 0.5; ///< m/s, of a sample without a covariance
+    double gyro_sigma = 0.05;    ///< rad/s, of a sample without a covariance
+  };
+
+  explicit ConstantTwist(const Options& options) : options_(options) {}
+
+  void addTo(Filter& filter) override;
+  void propagate(Filter& filter, double dt) const override;
+  void process(Filter& filter, const GyroSample& sample) const override;
+  void process(Filter& filter, const VelocitySample& sample) const override;
+  Eigen::Matrix3d noiseOf(const GyroSample& sample) const override;
+  Eigen::Matrix3d noiseOf(const VelocitySample& sample) const override;
+  void processStandstill(Filter& filter, double dt) const override;
+  void reset(Filter& filter, bool biases) const override;
+  Vector6d twist(const Filter& filter) const override { return filter.variables().mean(twist_); }
+  Matrix6d twistCovariance(const Filter& filter) const override { return filter.covariance(twist_); }
+  Vector6d bias(const Filter& filter) const override { return filter.variables().mean(bias_); }
+  void set(Filter& filter, const Vector6d& twist, const Vector6d& bias) const override {
+    filter.setMean(twist_, twist);
+    filter.setMean(bias_, bias);
+  }
+  Eigen::Vector3d gyroBias(const Filter& filter) const override;
+  Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
+  double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;
+
+  Handle twistVariable() const { return twist_; }
+  Handle biasVariable() const { return bias_; }
+
+ private:
+  Options options_;
+  Handle twist_ = 0, bias_ = 0;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "vi_ekf_slam/core/filter/filter.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+
+namespace vi_ekf_slam {
+
+/// How a body moves between two stamps, and what its own sensors say about that: the variables of the filter's
+/// core beside the pose, how all of them propagate, and what a sample corrects.
+class MotionModel {
+ public:
+  virtual ~MotionModel() = default;
+
+  /// Adds its variables to a filter that has nothing but the pose.
+  virtual void addTo(Filter& filter) = 0;
+  /// Moves on by `dt` s.
+  virtual void propagate(Filter& filter, double dt) const = 0;
+  virtual void process(Filter& filter, const GyroSample& sample) const = 0;
+  virtual void process(Filter& filter, const VelocitySample& sample) const = 0;
+  /// 3x3 of a sample's white noise: its own covariance, or the configured one.
+  virtual Eigen::Matrix3d noiseOf(const GyroSample& sample) const = 0;
+  virtual Eigen::Matrix3d noiseOf(const VelocitySample& sample) const = 0;
+  /// The body has stood still for `dt` s.
+  virtual void processStandstill(Filter& filter, double dt) const = 0;
+  /// What moves is unknown again, and with `biases` those as well.
+  virtual void reset(Filter& filter, bool biases) const = 0;
+
+  /// (v in m/s, omega in rad/s) in the body's axes, and its covariance.
+  virtual Vector6d twist(const Filter& filter) const = 0;
+  virtual Matrix6d twistCovariance(const Filter& filter) const = 0;
+  /// Of what the sensors measure of the twist, same order, units and axes.
+  virtual Vector6d bias(const Filter& filter) const = 0;
+  /// Sets both means.
+  virtual void set(Filter& filter, const Vector6d& twist, const Vector6d& bias) const = 0;
+  /// What the gyro reads at rest (rad/s) and its covariance.
+  virtual Eigen::Vector3d gyroBias(const Filter& filter) const = 0;
+  virtual Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const = 0;
+  /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the twist.
+  virtual double twistChange(const Filter& filter, const Eigen::VectorXd& error) const = 0;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "vi_ekf_slam/core/filter/filter.hpp"
+
+namespace vi_ekf_slam {
+
+/// What a sensor of the body's twist says: `measured` = (three axes of the twist, from `axis` on: 0 velocity
+/// in m/s, 3 angular velocity in rad/s) + bias + noise (3x3), in the body's axes.
+LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, Eigen::Index axis,
+                               const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
+
+/// The body has stood still for `dt` s: its twist is zero, but for what a running engine shakes it.
+LinearMeasurement measureStandstill(const Filter& filter, Handle twist, double dt);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,234 @@
+#include "vi_ekf_slam/core/filter/filter.hpp"
+
+#include <Eigen/Cholesky>
+#include <stdexcept>
+#include <utility>
+
+#include "vi_ekf_slam/core/filter/direct_update.hpp"
+#include "vi_ekf_slam/core/filter/symmetric.hpp"
+#include "vi_ekf_slam/core/filter/triangular.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr Eigen::Index kRoom = 300; // rows to begin with
+
+/// (dp, theta) once the body is elsewhere and the error, as of the group, is the same: dp' = dp - [dp^]x
+/// theta.
+Matrix6d poseTransport(const Eigen::Vector3d& moved) {
+  Matrix6d T = Matrix6d::Identity();
+  T.topRightCorner<3, 3>() = -so3::hat(moved);
+  return T;
+}
+
+} // namespace
+
+Eigen::Matrix<double, 3, 6> byPose(const Eigen::Vector3d& point, const Eigen::Vector3d& position) {
+  Eigen::Matrix<double, 3, 6> J;
+  J << -Eigen::Matrix3d::Identity(), so3::hat(point - position);
+  return J;
+}
+
+Filter::Filter(const SE3& pose, const Matrix6d& covariance)
+    : variables_(pose), covariance_(Eigen::MatrixXd::Zero(kRoom, kRoom)) {
+  covariance_.topLeftCorner<6, 6>() = covariance;
+}
+
+void Filter::closeCore() {
+  core_rows_ = rows();
+  core_ = CompressedCore(core_rows_);
+}
+
+Eigen::MatrixXd Filter::covariance(Handle a, Handle b) const {
+  return covariance_.block(rowOf(a), rowOf(b), variables_.sizeOf(a), variables_.sizeOf(b));
+}
+
+Eigen::Matrix3d Filter::worldCovariance(Handle point) const {
+  const Eigen::Matrix<double, 3, 6> J = -byPose(variables_.point(point), pose().translation());
+  const Eigen::Index row = rowOf(point);
+  const Eigen::Matrix3d cross = J * covariance_.block<6, 3>(0, row);
+  return covariance_.block<3, 3>(row, row) + cross + cross.transpose() +
+         J * covariance_.topLeftCorner<6, 6>() * J.transpose();
+}
+
+/// byPose of all points, row by row; 0 for what is not one.
+Eigen::MatrixXd Filter::poseInfluence(const Eigen::Vector3d& position) const {
+  Eigen::MatrixXd X = Eigen::MatrixXd::Zero(rows(), 6);
+  for (const Handle handle : variables_.handles()) {
+    if (variables_.chartOf(handle) == Chart::kPoint)
+      X.middleRows<3>(rowOf(handle)) = byPose(variables_.point(handle), position);
+  }
+  return X;
+}
+
+/// Of P: F P F^T + Q of the core; its covariance with the rest waits.
+void Filter::propagate(const CoreStep& step) {
+  auto Pc = covariance_.topLeftCorner(core_rows_, core_rows_);
+  core_.open(pose().translation(), Pc);
+  Pc = (step.F * Pc * step.F.transpose()).eval() + step.Q;
+  Pc = (0.5 * (Pc + Pc.transpose())).eval();
+  core_.transform(step.F);
+  variables_.setPose(step.pose);
+  for (const auto& [handle, mean] : step.means) variables_.mean(handle) = mean;
+}
+
+/// The rest r keeps its world form d, y = d + X x_pose, with X0 and X1 = X0 M where the period began and ends:
+/// P_yy' = P_yy + X0 W^T + W X0^T - A Gamma Gamma^T A^T, with A = P_d0.
+void Filter::settle() {
+  if (!core_.isOpen()) return;
+  core_.close();
+  const Eigen::Index c = core_rows_, n = rows(), r = n - c;
+  const Eigen::MatrixXd Gamma = core_.Gamma();
+  inactive_.learn(Gamma, core_.psi());
+  if (r == 0) {
+    inactive_.transform([&](auto X) { X = (core_.Phi() * X).eval(); });
+    return;
+  }
+  const Eigen::Vector3d moved = pose().translation() - core_.position();
+  Matrix6d M = Matrix6d::Identity();
+  M.topRightCorner<3, 3>() = so3::hat(moved);
+  const Eigen::MatrixXd X0 = poseInfluence(core_.position()).bottomRows(r);
+  // P_rc and the pose's part of P_cc as of the beginning; what is in the place of P_cc is of now.
+  const Eigen::MatrixXd& Phi = core_.Phi();
+  auto P_rc = covariance_.block(c, 0, r, c);
+  const Eigen::MatrixXd& P_c0 = core_.covariance();
+  const Eigen::MatrixXd C0 = P_rc.leftCols<6>();
+  Eigen::MatrixXd A = P_rc;
+  A.noalias() -= X0 * P_c0.topRows<6>();
+  const Matrix6d T0 = P_c0.topLeftCorner<6, 6>(), T1 = covariance_.topLeftCorner<6, 6>();
+  Eigen::MatrixXd P_dc = A * Phi.transpose();
+  const Eigen::MatrixXd W =
+      P_dc.leftCols<6>() * M.transpose() - C0 + X0 * (0.5 * (T0 + M * T1 * M.transpose()));
+  const Eigen::MatrixXd learned = A * Gamma;
+  Eigen::MatrixXd left(r, 12 + Gamma.cols()), right(r, 12 + Gamma.cols());
+  left << X0, W, -learned;
+  right << W, X0, learned;
+  auto P_rr = covariance_.block(c, c, r, r);
+  P_rr.triangularView<Eigen::Lower>() += left * right.transpose();
+  mirrorLower(P_rr);
+  const Eigen::MatrixXd X1 = X0 * M;
+  P_rc = P_dc;
+  P_rc.noalias() += X1 * covariance_.topLeftCorner(6, c);
+  covariance_.block(0, c, c, r) = P_rc.transpose();
+  const Eigen::VectorXd correction = A * core_.psi();
+  for (const Handle handle : variables_.handles()) {
+    const Eigen::Index row = rowOf(handle);
+    if (row >= c) variables_.mean(handle) += correction.segment(row - c, variables_.sizeOf(handle));
+  }
+  inactive_.transform([&](auto X) {
+    const Eigen::MatrixXd before = X.topRows(c);
+    X.topRows(c).noalias() = Phi * before;
+    auto rest = X.bottomRows(r);
+    rest.noalias() += X0 * (M * X.template topRows<6>() - before.topRows<6>());
+    rest.noalias() -= learned * (Gamma.transpose() * before);
+  });
+}
+
+void Filter::addNoise(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& noise) {
+  settle();
+  covariance_.block(row, row, noise.rows(), noise.cols()) += noise;
+}
+
+void Filter::reserve(Eigen::Index rows) {
+  if (rows <= covariance_.rows()) return;
+  const Eigen::Index used = this->rows();
+  Eigen::MatrixXd larger(2 * rows, 2 * rows);
+  larger.topLeftCorner(used, used) = P();
+  covariance_.swap(larger);
+}
+
+Handle Filter::augment(Chart chart, const Eigen::VectorXd& mean,
+                       const Eigen::Ref<const Eigen::MatrixXd>& noise, const LinearFunction& by) {
+  settle();
+  const Eigen::Index n = rows(), k = mean.size();
+  reserve(n + k);
+  auto cross = covariance_.block(n, 0, k, n);
+  auto own = covariance_.block(n, n, k, k);
+  cross.setZero();
+  if (!by.isNone()) cross.noalias() = by.J * covariance_.block(by.row, 0, by.J.cols(), n);
+  own = noise;
+  if (!by.isNone()) own += cross.middleCols(by.row, by.J.cols()) * by.J.transpose();
+  covariance_.block(0, n, n, k) = cross.transpose();
+  inactive_.append(k, by);
+  return variables_.add(chart, mean);
+}
+
+bool Filter::correct(const LinearMeasurement& z) {
+  const Eigen::Index c = core_rows_;
+  if (!z.isWithin(c)) {
+    settle();
+    Innovation in(covariance(), {z});
+    return in.factorise() && correct(in);
+  }
+  auto Pc = covariance_.topLeftCorner(c, c);
+  Innovation in(Pc, {z});
+  if (!in.factorise()) return false;
+  core_.open(pose().translation(), Pc);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(z.rows(), c);
+  for (const LinearMeasurement::Term& term : z) H.middleCols(term.column, term.H.cols()) = term.H;
+  core_.correct(in.PHt(), in.L(), H, in.residual());
+  Eigen::MatrixXd root = in.PHt();
+  divideByLowerTransposed(root, in.L());
+  subtractSquare(Pc, root);
+  const Eigen::Vector3d before = pose().translation();
+  variables_.retract(in.error(), c, {});
+  const Matrix6d T = poseTransport(pose().translation() - before);
+  Pc.topRows<6>() = (T * Pc.topRows<6>()).eval();
+  Pc.leftCols<6>() = (Pc.leftCols<6>() * T.transpose()).eval();
+  core_.Phi().topRows<6>() = (T * core_.Phi().topRows<6>()).eval();
+  return true;
+}
+
+/// P - K S K^T = P - A A^T with A = P H^T L^-T, symmetric by construction.
+bool Filter::correct(const Innovation& in, const PointChart& chart) {
+  const std::optional<DirectUpdate> direct = DirectUpdate::make(in);
+  Eigen::MatrixXd root;
+  if (direct) {
+    if (!direct->isFinite()) return false;
+    inactive_.correct(in, direct->inverseS());
+  } else {
+    root = in.PHt();
+    divideByLowerTransposed(root, in.L());
+    if (!root.allFinite()) return false;
+    inactive_.correct(in, Eigen::MatrixXd());
+  }
+  const Eigen::Vector3d before = pose().translation();
+  const std::vector<Variables::Reexpressed> points = variables_.retract(in.error(), rows(), chart);
+  if (direct) {
+    direct->correct(P(), points);
+  } else {
+    subtractSquare(P(), root);
+    if (!points.empty()) reexpress(P(), points);
+  }
+  inactive_.transform([&points](auto X) {
+    for (const auto& [row, M] : points)
+      X.template middleRows<3>(row) = (M * X.template middleRows<3>(row)).eval();
+  });
+  transportPose(before);
+  return true;
+}
+
+/// The body is elsewhere than at `before`; its error is not another one.
+void Filter::transportPose(const Eigen::Vector3d& before) {
+  const Matrix6d T = poseTransport(pose().translation() - before);
+  auto P = this->P();
+  P.topRows<6>() = (T * P.topRows<6>()).eval();
+  P.leftCols<6>() = (P.leftCols<6>() * T.transpose()).eval();
+  inactive_.transform([&T](auto X) { X.template topRows<6>() = (T * X.template topRows<6>()).eval(); });
+}
+
+void Filter::remove(Handle handle) {
+  settle();
+  const Eigen::Index n = rows();
+  erase(variables_.remove(handle), n);
+}
+
+void Filter::erase(const Variables::Gone& gone, Eigen::Index rows_before) {
+  auto all = covariance_.topLeftCorner(rows_before, rows_before);
+  eraseRows(all, gone, rows_before);
+  eraseRows(all.transpose(), gone, rows_before);
+  inactive_.erase(gone);
+}
+
+} // namespace vi_ekf_slam

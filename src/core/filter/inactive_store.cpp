@@ -1,0 +1,377 @@
+#include "vi_ekf_slam/core/filter/inactive_store.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "vi_ekf_slam/core/filter/symmetric.hpp"
+#include "vi_ekf_slam/core/filter/triangular.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// A block ends when as many rows have left as half of those that it began with: with fewer there would be
+// many blocks to settle, with more each update would have much to take along.
+constexpr double kShareThatLeaves = 0.5;
+
+void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
+  if (rows <= matrix.rows() && cols <= matrix.cols()) return;
+  const auto enough = [](Eigen::Index needed, Eigen::Index held) {
+    return needed <= held ? held : needed + needed / 4;
+  };
+  matrix.conservativeResize(enough(rows, matrix.rows()), enough(cols, matrix.cols()));
+}
+
+/// Adds a variable's rows behind the others'.
+void push(std::vector<InactiveVariable>& variables, std::vector<Eigen::Index>& first,
+          InactiveVariable variable) {
+  first.push_back(first.back() + variable.mean.size());
+  variables.push_back(std::move(variable));
+}
+
+} // namespace
+
+/// From here on: F = I, nothing learned.
+void InactiveStore::begin(Eigen::Index rows) {
+  rows_ = rows;
+  open_.variables.clear();
+  open_.first.assign(1, 0);
+  open_.begin = rows;
+  const Eigen::Index room = rows + static_cast<Eigen::Index>(kShareThatLeaves * static_cast<double>(rows));
+  grow(open_.F, rows, room);
+  grow(open_.information, room, room);
+  open_.F.topLeftCorner(rows, rows).setIdentity();
+  open_.information.topLeftCorner(rows, rows).setZero();
+  open_.correction = Eigen::VectorXd::Zero(rows);
+  open_.origin.resize(0, rows);
+  open_.own.resize(0, 0);
+}
+
+/// Puts the open block behind the others. The next one must be begun.
+void InactiveStore::close() {
+  const Eigen::Index n = open_.begin, k = open_.left();
+  auto block = std::make_shared<Block>();
+  block->begin = n;
+  block->first = open_.first;
+  block->variables = std::move(open_.variables);
+  block->F = map();
+  block->information = open_.information.topLeftCorner(n, n);
+  mirrorLower(block->information);
+  block->correction = open_.correction.head(n);
+  block->origin = open_.origin - open_.information.block(n, 0, k, n);
+  block->own = open_.own - Eigen::MatrixXd(open_.information.block(n, n, k, k));
+  mirrorLower(block->own);
+  for (std::size_t i = 0; i < block->variables.size(); ++i)
+    block->variables[i].mean +=
+        open_.correction.segment(n + block->first[i], block->variables[i].mean.size());
+  blocks_.push_back(std::move(block));
+}
+
+void InactiveStore::correct(const Innovation& in, const Eigen::Ref<const Eigen::MatrixXd>& S_inverse) {
+  if (isEmpty()) return;
+  auto X = map();
+  Eigen::MatrixXd HX = Eigen::MatrixXd::Zero(in.rows(), X.cols());
+  for (std::size_t i = 0; i < in.measurements().size(); ++i)
+    in.measurements()[i].addProduct(X, HX.middleRows(in.rowOf(i), in.measurements()[i].rows()));
+  auto information = open_.information.topLeftCorner(X.cols(), X.cols());
+  Eigen::MatrixXd weighted; // S^-1 H F
+  if (S_inverse.size() > 0) {
+    weighted.noalias() = S_inverse * HX;
+    addLowerProduct(information, HX, weighted);
+  } else {
+    weighted = std::move(HX);
+    in.L().triangularView<Eigen::Lower>().solveInPlace(weighted);
+    addLowerSquare(information, weighted);
+    in.L().transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
+  }
+  open_.correction.noalias() += weighted.transpose() * in.residual();
+  X.noalias() -= in.PHt() * weighted;
+}
+
+void InactiveStore::learn(const Eigen::Ref<const Eigen::MatrixXd>& Gamma, const Eigen::VectorXd& correction) {
+  if (isEmpty()) return;
+  const auto X = map();
+  const auto core = X.topRows(correction.size());
+  open_.correction.noalias() += core.transpose() * correction;
+  if (Gamma.cols() == 0) return;
+  const Eigen::MatrixXd learned = Gamma.transpose() * core;
+  addLowerSquare(open_.information.topLeftCorner(core.cols(), core.cols()), learned);
+}
+
+void InactiveStore::append(Eigen::Index rows, const LinearFunction& by) {
+  if (isEmpty()) return;
+  grow(open_.F, rows_ + rows, columns());
+  auto added = open_.F.block(rows_, 0, rows, columns());
+  added.setZero();
+  if (!by.isNone()) added.noalias() = by.J * open_.F.block(by.row, 0, by.J.cols(), columns());
+  rows_ += rows;
+}
+
+void InactiveStore::erase(const Variables::Gone& gone) {
+  if (isEmpty()) return;
+  eraseRows(map(), gone, rows_);
+  rows_ -= gone.size;
+}
+
+void InactiveStore::forget(Eigen::Index row, Eigen::Index rows) {
+  if (!isEmpty()) map().middleRows(row, rows).setZero();
+}
+
+void InactiveStore::add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index row,
+                        const Eigen::Ref<const Eigen::MatrixXd>& D,
+                        const Eigen::Ref<const Eigen::MatrixXd>& own,
+                        const Eigen::Ref<const Eigen::MatrixXd>& cross) {
+  const Eigen::Index k = mean.size();
+  if (isEmpty()) {
+    begin(cross.rows());
+  } else if (static_cast<double>(open_.left()) >= kShareThatLeaves * static_cast<double>(open_.begin)) {
+    close();
+    begin(rows_);
+  }
+  if (!serials_.emplace(handle, ++last_serial_).second)
+    throw std::logic_error("variable " + std::to_string(handle) + " is inactive already");
+  const Eigen::Index n = open_.begin, left = open_.left(), m = columns();
+  // d in terms of x0, and its covariance with those that left before.
+  const Eigen::MatrixXd origin = map().middleRows(row, k) + D * map().topRows(D.cols());
+  open_.origin.conservativeResize(left + k, n);
+  open_.origin.bottomRows(k) = origin.leftCols(n);
+  open_.own.conservativeResize(left + k, left + k);
+  open_.own.block(left, 0, k, left) = origin.rightCols(left);
+  open_.own.block(left, left, k, k) = own;
+  grow(open_.F, rows_, m + k);
+  open_.F.block(0, m, rows_, k) = cross;
+  grow(open_.information, m + k, m + k);
+  open_.information.block(m, 0, k, m + k).setZero();
+  open_.correction.conservativeResize(m + k);
+  open_.correction.tail(k).setZero();
+  push(open_.variables, open_.first, {handle, mean, mean});
+}
+
+InactiveStore::Settled& InactiveStore::ownSettled() {
+  if (settled_.use_count() > 1) {
+    settled_ = std::make_shared<Settled>(*settled_);
+  } else {
+    // The last other owner may have been a copy in another thread: letting go of one more owner here orders
+    // what it read before what is written now (use_count() alone orders nothing).
+    const std::shared_ptr<Settled> owner = settled_;
+  }
+  return *settled_;
+}
+
+/// Block by block from the last one: F, information and correction from the block's end to now, and `later`,
+/// the d of those that left afterwards in terms of the active errors at its end.
+void InactiveStore::settle() {
+  if (isEmpty()) return;
+  close();
+  Settled& settled = ownSettled();
+  const Eigen::Index old = settled.first.back(), size = rows_;
+  const auto old_count = settled.variables.size();
+  for (const auto& block : blocks_) {
+    for (const InactiveVariable& variable : block->variables) push(settled.variables, settled.first, variable);
+  }
+  const Eigen::Index all = settled.first.back();
+  settled.covariance.conservativeResize(all, all);
+  Eigen::MatrixXd cross(size, all);
+  auto& P = settled.covariance;
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(size, size), information = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd correction = Eigen::VectorXd::Zero(size);
+  Eigen::MatrixXd later(0, size);
+  Eigen::Index first = all;
+  std::size_t next = settled.variables.size();
+  for (; !blocks_.empty(); blocks_.pop_back()) {
+    const Block& block = *blocks_.back();
+    const Eigen::Index own = block.left(), here = first - own;
+    const auto block_F = block.F.leftCols(block.begin);
+    const auto block_cross = block.F.rightCols(own);
+    const Eigen::MatrixXd learned = block_cross.transpose() * information;
+    cross.middleCols(here, own).noalias() = F * block_cross;
+    P.block(first, here, later.rows(), own).noalias() = later * block_cross;
+    P.block(here, here, own, own) = block.own;
+    P.block(here, here, own, own).noalias() -= learned * block_cross;
+    next -= block.variables.size();
+    for (std::size_t i = 0; i < block.variables.size(); ++i) {
+      InactiveVariable& variable = settled.variables[next + i];
+      variable.mean += block_cross.middleCols(block.first[i], variable.mean.size()).transpose() * correction;
+    }
+    Eigen::MatrixXd joined(own + later.rows(), block.begin);
+    joined.topRows(own) = block.origin;
+    joined.topRows(own).noalias() -= learned * block_F;
+    joined.bottomRows(later.rows()).noalias() = later * block_F;
+    later.swap(joined);
+    first = here;
+    F = (F * block_F).eval();
+    information = (block_F.transpose() * information * block_F).eval() + block.information;
+    correction = block.correction + block_F.transpose() * correction;
+  }
+  if (old > 0) {
+    const Eigen::MatrixXd& before = settled.cross;
+    const Eigen::MatrixXd learned = information * before;
+    P.topLeftCorner(old, old).triangularView<Eigen::Lower>() -= before.transpose() * learned;
+    for (std::size_t i = 0; i < old_count; ++i) {
+      InactiveVariable& variable = settled.variables[i];
+      variable.mean +=
+          before.middleCols(settled.first[i], variable.mean.size()).transpose() * correction;
+    }
+    cross.leftCols(old).noalias() = F * before;
+    P.block(old, 0, all - old, old).noalias() = later * before;
+  }
+  mirrorLower(P);
+  settled.cross.swap(cross);
+  begin(size);
+}
+
+double InactiveStore::settlingCost() const {
+  const auto n = static_cast<double>(rows_);
+  const auto old = static_cast<double>(settled_->first.back());
+  double left = static_cast<double>(open_.left());
+  for (const auto& block : blocks_) left += static_cast<double>(block->left());
+  const auto blocks = static_cast<double>(blocks_.size() + 1);
+  return n * old * old + 2.0 * n * (n + old) * (old + left) + n * left * (n * blocks + left);
+}
+
+/// Where nothing is inactive, nothing is kept.
+void InactiveStore::release() {
+  if (!isEmpty()) return;
+  settled_ = std::make_shared<Settled>();
+  blocks_.clear();
+  open_ = Block();
+}
+
+void InactiveStore::take(const std::vector<Handle>& handles, const Eigen::MatrixXd& with_others) {
+  Settled& settled = ownSettled();
+  settled.cross.conservativeResize(rows_ + with_others.rows(), Eigen::NoChange);
+  settled.cross.bottomRows(with_others.rows()) = with_others;
+  drop(handles);
+  if (!isEmpty()) begin(settled.cross.rows());
+}
+
+/// Settled variables are no more.
+void InactiveStore::drop(const std::vector<Handle>& handles) {
+  for (const Handle handle : handles) serials_.erase(handle);
+  Settled& settled = ownSettled();
+  // What stays moves up, in its order.
+  std::vector<Eigen::Index> from, to;
+  std::vector<InactiveVariable> variables;
+  std::vector<Eigen::Index> first{0};
+  for (std::size_t i = 0; i < settled.variables.size(); ++i) {
+    if (!contains(settled.variables[i].handle)) continue;
+    const Eigen::Index begin = settled.first[i];
+    for (Eigen::Index row = begin; row < settled.first[i + 1]; ++row) from.push_back(row);
+    push(variables, first, std::move(settled.variables[i]));
+  }
+  const Eigen::Index rows = first.back();
+  auto& P = settled.covariance;
+  for (Eigen::Index column = 0; column < rows; ++column) {
+    const Eigen::Index source = from[static_cast<std::size_t>(column)];
+    for (Eigen::Index row = 0; row < rows; ++row) P(row, column) = P(from[static_cast<std::size_t>(row)], source);
+    if (source != column) settled.cross.col(column) = settled.cross.col(source);
+  }
+  P.conservativeResize(rows, rows);
+  settled.cross.conservativeResize(Eigen::NoChange, rows);
+  settled.variables = std::move(variables);
+  settled.first = std::move(first);
+  release();
+}
+
+std::vector<Handle> InactiveStore::marginaliseOldest(std::size_t count) {
+  std::vector<Handle> gone;
+  for (const InactiveVariable& variable : settled_->variables) {
+    if (gone.size() < count) gone.push_back(variable.handle);
+  }
+  if (!gone.empty()) drop(gone);
+  while (gone.size() < count && !isEmpty()) {
+    if (blocks_.empty()) {
+      close();
+      begin(rows_);
+    }
+    for (const InactiveVariable& variable : blocks_.front()->variables) {
+      serials_.erase(variable.handle);
+      gone.push_back(variable.handle);
+    }
+    blocks_.pop_front();
+  }
+  release();
+  return gone;
+}
+
+void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::MatrixXd covariance,
+                          Eigen::MatrixXd cross) {
+  constexpr std::uint64_t kDeparturesElsewhere = 1000000;
+  *this = InactiveStore();
+  begin(cross.rows());
+  for (InactiveVariable& variable : variables) {
+    if (!serials_.emplace(variable.handle, ++last_serial_).second)
+      throw std::logic_error("variable " + std::to_string(variable.handle) + " is given twice");
+    push(settled_->variables, settled_->first, std::move(variable));
+  }
+  last_serial_ += kDeparturesElsewhere;
+  settled_->covariance = std::move(covariance);
+  settled_->cross = std::move(cross);
+  release();
+}
+
+std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const {
+  std::vector<Estimate> result(size());
+  std::size_t next = size();
+  Eigen::MatrixXd information; // and correction, from the end of the block on
+  Eigen::VectorXd correction;
+  const Eigen::Index n = open_.begin;
+  next -= open_.variables.size();
+  for (std::size_t i = 0; i < open_.variables.size(); ++i) {
+    const Eigen::Index row = open_.first[i], rows = open_.first[i + 1] - row;
+    Estimate& estimate = result[next + i] = {open_.variables[i], open_.own.block(row, row, rows, rows)};
+    estimate.variable.mean += open_.correction.segment(n + row, rows);
+    estimate.covariance -= open_.information.block(n + row, n + row, rows, rows);
+    estimate.covariance = Eigen::MatrixXd(estimate.covariance.selfadjointView<Eigen::Lower>());
+  }
+  if (next == 0) return result;
+  correction = open_.correction.head(n);
+  if (exact) {
+    information = open_.information.topLeftCorner(n, n);
+    mirrorLower(information);
+  }
+  const auto estimate = [&](const InactiveVariable& variable, const Eigen::MatrixXd& own, Eigen::Index row,
+                            const Eigen::Ref<const Eigen::MatrixXd>& cross) {
+    const Eigen::Index rows = variable.mean.size();
+    Estimate now{variable, own.block(row, row, rows, rows)};
+    now.variable.mean += cross.transpose() * correction;
+    if (exact) now.covariance -= cross.transpose() * (information * cross).eval();
+    return now;
+  };
+  for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
+    const Block& block = **b;
+    next -= block.variables.size();
+    for (std::size_t i = 0; i < block.variables.size(); ++i) {
+      const Eigen::Index row = block.first[i], rows = block.first[i + 1] - row;
+      result[next + i] =
+          estimate(block.variables[i], block.own, row, block.F.middleCols(block.begin + row, rows));
+    }
+    const auto F = block.F.leftCols(block.begin);
+    correction = block.correction + F.transpose() * correction;
+    if (exact) information = (F.transpose() * information * F).eval() + block.information;
+  }
+  for (std::size_t i = 0; i < settled_->variables.size(); ++i) {
+    const Eigen::Index row = settled_->first[i], rows = settled_->first[i + 1] - row;
+    result[i] = estimate(settled_->variables[i], settled_->covariance, row, settled_->cross.middleCols(row, rows));
+  }
+  return result;
+}
+
+std::vector<Handle> InactiveStore::handles() const {
+  std::vector<Handle> result;
+  for (const auto& [handle, serial] : serials_) result.push_back(handle);
+  return result;
+}
+
+std::size_t InactiveStore::bytes() const {
+  const auto bytesOf = [](const auto& m) { return static_cast<std::size_t>(m.size()) * sizeof(double); };
+  const auto bytesOfBlock = [&](const Block& b) {
+    return bytesOf(b.F) + bytesOf(b.information) + bytesOf(b.origin) + bytesOf(b.own);
+  };
+  std::size_t total = bytesOf(settled_->covariance) + bytesOf(settled_->cross) + bytesOfBlock(open_);
+  for (const auto& block : blocks_) total += bytesOfBlock(*block);
+  return total;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,34 @@
+#include "vi_ekf_slam/core/filter/validity.hpp"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kNegligible = 1e-9;   // of a correlation matrix's eigenvalues
+
+} // namespace
+
+bool isValid(const Filter& filter, bool thoroughly) {
+  const Eigen::Index c = filter.coreRows();
+  const auto P = filter.covariance();
+  const Eigen::MatrixXd core = P.topLeftCorner(c, c);
+  const SE3& pose = filter.pose();
+  if (!pose.rotation().allFinite() || !pose.translation().allFinite() || !core.allFinite() ||
+      !P.diagonal().allFinite() || !(P.diagonal().array() >= 0.0).all())
+    return false;
+  for (const Handle handle : filter.variables().handles()) {
+    if (filter.rowOf(handle) >= c) break;
+    if (filter.variables().chartOf(handle) != Chart::kPose && !filter.variables().mean(handle).allFinite())
+      return false;
+  }
+  if (!thoroughly) return true;
+  const Eigen::VectorXd scale =
+      core.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
+  Eigen::MatrixXd correlation = scale.asDiagonal() * core * scale.asDiagonal();
+  correlation.diagonal().setConstant(1.0 + kNegligible);
+  return Eigen::LLT<Eigen::MatrixXd>(correlation).info() == Eigen::Success;
+}
+
+} // namespace vi_ekf_slam

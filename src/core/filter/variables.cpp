@@ -1,0 +1,102 @@
+#include "vi_ekf_slam/core/filter/variables.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+
+Variables::Variables(const SE3& pose) : pose_(pose) {
+  add(Chart::kPose, Eigen::VectorXd::Zero(6));
+}
+
+Handle Variables::reserve(Chart chart) {
+  Handle handle = static_cast<Handle>(slots_.size());
+  if (free_.empty()) {
+    slots_.emplace_back();
+  } else {
+    handle = free_.back();
+    free_.pop_back();
+  }
+  slots_[handle] = {chart, 0, 0};
+  return handle;
+}
+
+Handle Variables::add(Chart chart, const Eigen::VectorXd& mean) {
+  const Eigen::Index size = mean.size();
+  const bool fits = chart == Chart::kVector ? size > 0 : size == (chart == Chart::kPose ? 6 : 3);
+  if (!fits || (chart == Chart::kPose) != order_.empty())
+    throw std::logic_error("a variable of " + std::to_string(size) + " rows does not fit its chart");
+  const Handle handle = reserve(chart);
+  restore(handle, mean);
+  return handle;
+}
+
+void Variables::restore(Handle handle, const Eigen::VectorXd& mean) {
+  const Eigen::Index size = mean.size();
+  if (rows_ + size > mean_.size()) mean_.conservativeResize(2 * (rows_ + size));
+  mean_.segment(rows_, size) = mean;
+  slots_[handle].row = rows_;
+  slots_[handle].size = size;
+  order_.push_back(handle);
+  rows_ += size;
+}
+
+Variables::Gone Variables::remove(Handle handle, Fate fate) {
+  Slot& slot = slots_.at(handle);
+  if (slot.size == 0 || slot.chart == Chart::kPose)
+    throw std::logic_error("there is no such variable to remove");
+  const Slot& last = slots_[order_.back()];
+  const auto place = std::find(order_.begin(), order_.end(), handle);
+  const Gone gone{slot.row, slot.size, rows_ - slot.size, last.size != slot.size};
+  Eigen::Map<Eigen::VectorXd> means(mean_.data(), mean_.size());
+  eraseRows(means, gone, rows_);
+  if (gone.shifts) {
+    for (auto later = place; later != order_.end(); ++later) slots_[*later].row -= slot.size;
+    order_.erase(place);
+  } else {
+    slots_[order_.back()].row = gone.row;
+    *place = order_.back();
+    order_.pop_back();
+  }
+  slot.size = 0;
+  if (fate == Fate::kForgotten) release(handle);
+  rows_ -= gone.size;
+  return gone;
+}
+
+std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& error, Eigen::Index rows,
+                                                       const PointChart& chart) {
+  std::vector<Reexpressed> reexpressed;
+  const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
+  const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
+  pose_ = SE3(turn * pose_.rotation(), now).normalized();
+  for (const Handle handle : order_) {
+    const Slot& slot = slots_[handle];
+    if (slot.row >= rows) break;
+    auto x = mean_.segment(slot.row, slot.size);
+    const auto e = error.segment(slot.row, slot.size);
+    if (slot.chart == Chart::kVector) x += e;
+    if (slot.chart == Chart::kWorldVector) x = turn * (x + e).eval();
+    if (slot.chart != Chart::kPoint) continue;
+    const Eigen::Vector3d way = x - before;
+    const std::optional<MovedPoint> moved = chart ? chart(way, e) : std::nullopt;
+    x = now + turn * (moved ? moved->way : Eigen::Vector3d(way + e));
+    if (moved) reexpressed.push_back({slot.row, moved->M});
+  }
+  return reexpressed;
+}
+
+void Variables::moveWorld(const SE3& to_T_world) {
+  pose_ = (to_T_world * pose_).normalized();
+  for (const Handle handle : order_) {
+    const Slot& slot = slots_[handle];
+    auto x = mean_.segment(slot.row, slot.size);
+    if (slot.chart == Chart::kPoint) x = to_T_world * Eigen::Vector3d(x);
+    if (slot.chart == Chart::kWorldVector) x = (to_T_world.rotation() * x).eval();
+  }
+}
+
+} // namespace vi_ekf_slam

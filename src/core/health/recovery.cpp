@@ -1,0 +1,135 @@
+#include "vi_ekf_slam/core/health/recovery.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kJumpRotation = 0.5;  // rad; the world does not turn by this much from frame to frame
+constexpr double kJumpUsed = 0.2;      // of a frame's features that fit: then nothing has jumped
+constexpr double kFramesOfLag = 2.0;   // by which a front end that repeats itself may displace the world
+constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
+constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed
+constexpr double kLostRotation = 0.1;  // rad
+constexpr double kAnyAngle = 1.0;      // rad, standard deviation of an angle that may be any, as far as it is linear
+
+Matrix6d independent(double position_sigma, double rotation_sigma) {
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(position_sigma), Eigen::Vector3d::Constant(rotation_sigma);
+  return sigma.cwiseAbs2().asDiagonal();
+}
+
+/// The landmarks that were matched, and where they are seen.
+std::vector<Displaced> displacedPoints(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
+                                       const StereoFrame& frame,
+                                       const std::vector<Association>& associations) {
+  std::vector<Displaced> points;
+  for (const Association& a : associations) {
+    const auto seen = model.triangulate(filter, frame.features[a.feature].pixels);
+    const Handle landmark = map.active()[a.landmark].variable;
+    if (!seen) continue;
+    points.push_back({filter.variables().point(landmark), seen->position,
+                      seen->noise + Eigen::Matrix3d(filter.covariance(landmark))});
+  }
+  return points;
+}
+
+} // namespace
+
+/// Truth and estimate move by the same T <- T motion, so that the error of before stays, about the new
+/// position: dp' = dp - [p' - p]x theta.
+void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
+  const Eigen::Index c = filter.coreRows();
+  CoreStep step;
+  step.pose = (filter.pose() * motion).normalized();
+  step.F.setIdentity(c, c);
+  step.F.block<3, 3>(0, 3) = -so3::hat(step.pose.translation() - filter.pose().translation());
+  step.Q.setZero(c, c);
+  step.Q.topLeftCorner<6, 6>() = covariance;
+  filter.propagate(step);
+  filter.settle();
+}
+
+Recovery::Recovery(const Options& options, const MotionModel& motion)
+    : options_(options), motion_(motion), monitor_(options.monitor) {}
+
+void Recovery::travel(double distance_m, double angle_rad) {
+  distance_ += distance_m;
+  angle_ += angle_rad;
+}
+
+void Recovery::endFrame() {
+  distance_ = angle_ = 0.0;
+  has_frame_ = true;
+}
+
+Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoModel& model,
+                           const StereoFrame& frame, const std::vector<Association>& associations,
+                           const FrameOutcome& outcome) {
+  const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+  const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, associations.size(), used,
+                                              outcome.skipped, outcome.capped_nis, 3 * associations.size()});
+  const bool may_be_jump = options_.jump_m > 0.0 && has_frame_ &&
+                           static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
+  if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
+  const auto motion = commonMotion(displacedPoints(filter, map, model, frame, associations));
+  if (divergence != Divergence::kNone) {
+    // Features that do not even agree with each other cannot have misled the estimate: they were not used.
+    if (divergence == Divergence::kRejections && !motion) {
+      monitor_.restart();
+    } else {
+      distrust(filter, SE3(),
+               independent(std::max(kLostPosition, monitor_.distance()),
+                           std::clamp(monitor_.angle(), kLostRotation, kAnyAngle)),
+               true);
+    }
+    return divergence;
+  }
+  if (!motion || !isJump(filter, *motion)) return Divergence::kNone;
+  followJump(filter, *motion);
+  return Divergence::kJump;
+}
+
+/// Whether the motion (world) is more than what the vehicle may have driven.
+bool Recovery::isJump(const Filter& filter, const SE3& motion) const {
+  const Eigen::Vector3d& p = filter.pose().translation();
+  return (motion * p - p).norm() > options_.jump_m + kFramesOfLag * distance_ ||
+         so3::Log(motion.rotation()).norm() > kJumpRotation;
+}
+
+/// The static world says so, but nothing else does: that nothing has moved is to remain likely.
+void Recovery::followJump(Filter& filter, const SE3& motion) {
+  const SE3& pose = filter.pose();
+  Vector6d displacement;
+  displacement << motion * pose.translation() - pose.translation(), so3::Log(motion.rotation());
+  Matrix6d covariance = independent(kJumpPrecision * displacement.head<3>().norm(),
+                                    kJumpPrecision * displacement.tail<3>().norm());
+  covariance += displacement * displacement.transpose();
+  distrust(filter, pose.inverse() * motion * pose, covariance, false);
+}
+
+/// The pose is moved and may be wrong by so much more; what moves is to be measured anew.
+void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases) {
+  resetPose(filter, motion, covariance);
+  motion_.reset(filter, biases);
+  monitor_.restart();
+}
+
+bool Recovery::check(const Filter& filter, Stamp stamp, bool thoroughly) {
+  if (!isValid(filter, thoroughly)) return false;
+  stamp_ = stamp;
+  pose_ = filter.pose();
+  covariance_ = filter.covariance().topLeftCorner<6, 6>();
+  return true;
+}
+
+Matrix6d Recovery::checkpointCovariance(Stamp now, double speed) const {
+  const double elapsed = secondsBetween(stamp_, now);
+  return covariance_ + independent(std::max(kLostPosition, elapsed * speed), kLostRotation);
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,138 @@
+#include "vi_ekf_slam/core/map/landmark_map.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr std::size_t kMaxArchived = 100000;     // landmarks
+constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
+
+} // namespace
+
+LandmarkMap::LandmarkMap(const Options& options) : options_(options), archive_(kMaxArchived) {}
+
+std::unordered_map<FeatureId, std::size_t> LandmarkMap::indexById() const {
+  std::unordered_map<FeatureId, std::size_t> index(active_.size());
+  for (std::size_t i = 0; i < active_.size(); ++i) index.emplace(active_[i].id, i);
+  return index;
+}
+
+void LandmarkMap::drop(std::size_t index) {
+  active_[index] = active_.back();
+  active_.pop_back();
+}
+
+bool LandmarkMap::isGood(const Landmark& landmark) const {
+  return options_.keep == MapKeep::kAll ||
+         (landmark.observations >= kArchivedObservations &&
+          secondsBetween(landmark.first_seen, landmark.last_seen) >= options_.min_track_s);
+}
+
+void LandmarkMap::leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
+  const Landmark& landmark = active_[index];
+  if (keepsInactive() && isInactive(landmark.id)) {
+    discard(filter, index); // the map has it, from before
+  } else if (keepsInactive() && isGood(landmark)) {
+    deactivate(filter, index, noise);
+  } else {
+    if (landmark.observations >= kArchivedObservations) archive_.put(estimateOf(filter, landmark));
+    discard(filter, index);
+  }
+}
+
+void LandmarkMap::discard(Filter& filter, std::size_t index) {
+  filter.remove(active_[index].variable);
+  drop(index);
+}
+
+void LandmarkMap::deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
+  Landmark landmark = active_[index];
+  landmark.reactivated = false;
+  filter.deactivate(landmark.variable, noise);
+  inactive_by_id_[landmark.id] = landmark.variable;
+  inactive_[landmark.variable] = landmark;
+  drop(index);
+}
+
+void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now) {
+  std::vector<Handle> handles;
+  for (const FeatureId id : ids) handles.push_back(inactive_by_id_.at(id));
+  filter.activate(handles);
+  for (const Handle handle : handles) {
+    Landmark landmark = inactive_.at(handle);
+    landmark.reactivated = true;
+    landmark.last_seen = now;
+    inactive_by_id_.erase(landmark.id);
+    inactive_.erase(handle);
+    active_.push_back(landmark);
+  }
+}
+
+/// A batch at a time, since means must be brought up to date.
+void LandmarkMap::bound(Filter& filter, bool all) {
+  const std::size_t held = filter.inactive().size();
+  const std::size_t most = all ? 0 : options_.max_landmarks;
+  if (held <= most) return;
+  const std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false);
+  for (const Handle handle : filter.marginaliseOldest(held - most + most / 4)) {
+    const Landmark landmark = inactive_.at(handle);
+    const auto estimate = std::find_if(before.begin(), before.end(), [handle](const auto& e) {
+      return e.variable.handle == handle;
+    });
+    if (landmark.observations >= kArchivedObservations)
+      archive_.put({landmark.id, estimate->variable.mean, estimate->covariance});
+    inactive_by_id_.erase(landmark.id);
+    inactive_.erase(handle);
+  }
+}
+
+void LandmarkMap::adopt(Filter& filter, const std::vector<Landmark>& landmarks,
+                        const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance,
+                        Eigen::MatrixXd cross) {
+  inactive_.clear();
+  inactive_by_id_.clear();
+  const std::vector<Handle> handles = filter.adopt(positions, std::move(covariance), std::move(cross));
+  for (std::size_t i = 0; i < handles.size(); ++i) {
+    Landmark landmark = landmarks[i];
+    landmark.variable = handles[i];
+    inactive_by_id_[landmark.id] = handles[i];
+    inactive_[handles[i]] = landmark;
+  }
+}
+
+void LandmarkMap::clear() {
+  active_.clear();
+  inactive_.clear();
+  inactive_by_id_.clear();
+}
+
+void LandmarkMap::archiveAll(const Filter& filter) {
+  for (const LandmarkEstimate& l : estimates(filter, false)) {
+    if (l.position.allFinite() && l.covariance.allFinite() && (l.covariance.diagonal().array() >= 0.0).all())
+      archive_.put(l);
+  }
+}
+
+LandmarkEstimate LandmarkMap::estimateOf(const Filter& filter, const Landmark& landmark) const {
+  return {landmark.id, filter.variables().point(landmark.variable), filter.worldCovariance(landmark.variable)};
+}
+
+std::vector<LandmarkEstimate> LandmarkMap::estimates(const Filter& filter, bool exact) const {
+  // Of several estimates of one landmark the first one stays: of one that is seen again but not yet fused the
+  // map's.
+  std::vector<LandmarkEstimate> all;
+  all.reserve(archive_.landmarks().size() + active_.size() + inactive_.size());
+  for (const InactiveStore::Estimate& e : filter.inactive().estimates(exact))
+    all.push_back({inactive_.at(e.variable.handle).id, e.variable.mean, e.covariance});
+  for (const Landmark& landmark : active_) all.push_back(estimateOf(filter, landmark));
+  for (const auto& [id, landmark] : archive_.landmarks()) all.push_back(landmark);
+  const auto less = [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id < b.id; };
+  const auto same = [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id == b.id; };
+  std::stable_sort(all.begin(), all.end(), less);
+  all.erase(std::unique(all.begin(), all.end(), same), all.end());
+  return all;
+}
+
+} // namespace vi_ekf_slam

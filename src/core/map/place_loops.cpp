@@ -1,0 +1,72 @@
+#include "vi_ekf_slam/core/map/place_loops.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "vi_ekf_slam/core/map/duplicates.hpp"
+#include "vi_ekf_slam/core/map/place_recogniser.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kBetween = 2.0;           // s between attempts, each of which may take some 0.1 s
+constexpr double kSettlingPerSecond = 2e9; // operations, on the average
+constexpr std::size_t kObservations = 5;
+constexpr double kRadius = 70.0; // m about the vehicle
+// How often the view may have changed for a landmark to be of now, and must have for it to be of before.
+constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
+constexpr std::size_t kLeastBefore = 40;   // landmarks, for a place to be recognised
+constexpr std::size_t kLeastAgreeing = 10; // matches that the filter itself must find compatible
+constexpr double kNearPoint = 0.3;         // m: a corner found anew is not the corner found before, but near it
+
+} // namespace
+
+bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
+  const double cost = filter.inactive().settlingCost();
+  allowance_ = std::min(allowance_ + seconds * kSettlingPerSecond, std::max(cost, 10.0 * kSettlingPerSecond));
+  if ((next_attempt_ && now < *next_attempt_) || filter.inactive().size() < kLeastBefore || allowance_ < cost)
+    return false;
+  next_attempt_ = now + fromSeconds(kBetween);
+  const std::uint64_t view = map.active().size();
+  const Eigen::Vector3d about = filter.pose().translation();
+  const Matrix6d covariance = filter.covariance().topLeftCorner<6, 6>();
+  const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());
+  std::vector<PlacePoint> seen_now, seen_before;
+  const auto active = map.indexById();
+  for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
+    const FeatureId id = map.inactive(e.variable.handle).id;
+    if (active.count(id)) continue; // its id has returned: ReturningLandmarks'
+    const std::uint64_t since = filter.inactive().departuresSince(e.variable.handle);
+    const Eigen::Vector3d position = e.variable.mean;
+    const double distance = (position - about).norm();
+    if (since > kViewsBefore * view && distance < reach) seen_before.push_back({id, position});
+    if (since <= kViewsNow * view && distance < kRadius) seen_now.push_back({id, position});
+  }
+  if (seen_before.size() < kLeastBefore) return false;
+  for (const Landmark& l : map.active()) {
+    const Eigen::Vector3d position = filter.variables().point(l.variable);
+    if (l.observations >= kObservations && (position - about).norm() < kRadius)
+      seen_now.push_back({l.id, position});
+  }
+  const auto recognition = PlaceRecogniser().recognise(seen_now, seen_before, about, covariance);
+  if (!recognition) return false;
+
+  allowance_ = 0.0;
+  std::vector<FeatureId> ids;
+  for (const auto& [is_now, was] : recognition->matches) {
+    if (map.isInactive(is_now)) ids.push_back(is_now);
+    ids.push_back(was);
+  }
+  const std::size_t first = map.active().size();
+  map.reactivate(filter, ids, now);
+  const auto index = map.indexById();
+  std::vector<Duplicate> pairs;
+  for (const auto& [is_now, was] : recognition->matches)
+    pairs.push_back({map.active()[index.at(is_now)].variable, map.active()[index.at(was)].variable});
+  const Fusion fusion = fuseDuplicates(filter, pairs, kLeastAgreeing, kNearPoint);
+  for (std::size_t i = map.active().size(); i-- > first;) map.deactivate(filter, i);
+  return fusion.count() > 0;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,279 @@
+#include "vi_ekf_slam/core/map/relocaliser.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <utility>
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/filter/validity.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr std::size_t kTellingObservations = 3; // of a landmark in view
+constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
+constexpr std::size_t kLeastFused = 5;
+constexpr double kBetweenTries = 0.5;    // s
+constexpr double kBetweenFailures = 5.0; // s, of the costly part
+constexpr double kCornerSigma = 0.05;      // m, by which a front end finds a corner elsewhere another time
+constexpr double kCompatible = 11.345;     // chi-square, 3 degrees of freedom, 99 %
+constexpr double kShareOfMatches = 0.6;    // of the matches, that must agree
+constexpr double kLeastWidth = 0.5;        // m, of the points beside the line that they are nearest to
+// Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
+constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
+
+Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) centre += p / static_cast<double>(points.size());
+  return centre;
+}
+
+/// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
+Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
+  const Eigen::Vector3d centre = centreOf(points);
+  Eigen::MatrixXd G(3 * static_cast<Eigen::Index>(points.size()), 6);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(),
+        -so3::hat(points[i] - centre);
+  return G;
+}
+
+/// The covariance (3x3 each) of points beside the motion of all of them as one rigid body, as it is told from
+/// those of large weight, of their joint covariance C (3n x 3n): of (I - G (G^T W G)^-1 G^T W) C (...)^T.
+std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd C,
+                                              const Eigen::VectorXd& weights) {
+  const Eigen::MatrixXd G = rigidMotions(points), WG = weights.asDiagonal() * G;
+  const Matrix6d information = G.transpose() * WG;
+  const Eigen::MatrixXd A =
+      information.ldlt().solve(G.transpose()).transpose(); // singular, if all are in a line
+  const Eigen::MatrixXd GWC = WG.transpose() * C;
+  C.noalias() -= A * GWC;
+  const Eigen::MatrixXd CWG = C * WG;
+  C.noalias() -= CWG * A.transpose();
+  std::vector<Eigen::Matrix3d> own;
+  for (Eigen::Index row = 0; row < C.rows(); row += 3) {
+    const Eigen::Matrix3d block = C.block<3, 3>(row, row);
+    own.push_back(0.5 * (block + block.transpose()));
+  }
+  return own;
+}
+
+/// The 3x3 blocks of P at these rows.
+Eigen::MatrixXd blocksOf(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Index>& rows) {
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  Eigen::MatrixXd C(3 * n, 3 * n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j)
+      C.block<3, 3>(3 * i, 3 * j) =
+          P.block<3, 3>(rows[static_cast<std::size_t>(i)], rows[static_cast<std::size_t>(j)]);
+  }
+  return C;
+}
+
+/// Landmarks that are here (in this drive's frame) and there (in the map's), with the joint covariance of
+/// their errors in either frame (3n x 3n).
+struct Matches {
+  std::vector<FeatureId> ids;
+  std::vector<Eigen::Vector3d> here, there;
+  Eigen::MatrixXd covariance_here, covariance_there;
+  Eigen::VectorXd weights; ///< 3n, 1/m^2: how well each is known from the vehicle
+
+  void keep(const std::vector<std::size_t>& chosen) {
+    Matches kept;
+    std::vector<Eigen::Index> rows;
+    for (const std::size_t i : chosen) {
+      kept.ids.push_back(ids[i]);
+      kept.here.push_back(here[i]);
+      kept.there.push_back(there[i]);
+      rows.push_back(3 * static_cast<Eigen::Index>(i));
+    }
+    kept.covariance_here = blocksOf(covariance_here, rows);
+    kept.covariance_there = blocksOf(covariance_there, rows);
+    *this = std::move(kept);
+  }
+};
+
+/// The rigid transform there_T_here on which most of them agree, whatever the others are.
+std::optional<SE3> roughAlignment(const Matches& m) {
+  const auto shape_here = shapeCovariances(m.here, m.covariance_here, m.weights);
+  const auto shape_there = shapeCovariances(m.there, m.covariance_there, m.weights);
+  std::vector<Displaced> points;
+  for (std::size_t i = 0; i < m.ids.size(); ++i) {
+    // How the one is turned against the other is not known yet: the largest of its variances in every
+    // direction.
+    const double variance = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
+    points.push_back(
+        {m.there[i], m.here[i],
+         shape_there[i] + (variance + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
+  }
+  return commonMotion(points);
+}
+
+/// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the
+/// others' transform is `there_T_here` from then on. With S the covariance of what is left of all, and r =
+/// S^-1 innovation, what one of them is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1
+/// r_i.
+void keepCompatible(Matches& m, SE3& there_T_here) {
+  while (m.ids.size() >= kLeastMatches) {
+    const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
+    std::vector<Eigen::Vector3d> moved;
+    Eigen::VectorXd innovation(n);
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      moved.push_back(there_T_here * m.here[i]);
+      innovation.segment<3>(3 * static_cast<Eigen::Index>(i)) = m.there[i] - moved[i];
+    }
+    const Eigen::Matrix3d& R = there_T_here.rotation();
+    Eigen::MatrixXd S = m.covariance_there;
+    for (Eigen::Index i = 0; i < n; i += 3) {
+      for (Eigen::Index j = 0; j < n; j += 3)
+        S.block<3, 3>(i, j) += R * m.covariance_here.block<3, 3>(i, j) * R.transpose();
+    }
+    S.diagonal().array() += kCornerSigma * kCornerSigma;
+    const Eigen::MatrixXd G = rigidMotions(moved);
+    Vector6d any;
+    any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
+    const Eigen::MatrixXd prior = G * any.cwiseAbs2().asDiagonal();
+    S.noalias() += prior * G.transpose();
+    const Eigen::MatrixXd inverse = S.llt().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::VectorXd r = inverse * innovation;
+    std::vector<std::size_t> others;
+    std::size_t worst = 0;
+    double most = 0.0;
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
+      const Eigen::Vector3d own = r.segment<3>(row);
+      const double chi_square = squaredMahalanobis(own, inverse.block<3, 3>(row, row));
+      if (chi_square > most) {
+        most = chi_square;
+        worst = i;
+      }
+    }
+    const Vector6d motion = prior.transpose() * r; // the transform's error, as the matches have it
+    const Eigen::Vector3d centre = centreOf(moved);
+    const Eigen::Matrix3d turn = so3::Exp(motion.tail<3>());
+    there_T_here = (SE3(turn, centre - turn * centre + motion.head<3>()) * there_T_here).normalized();
+    if (!(most > kCompatible)) return;
+    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+      if (i != worst) others.push_back(i);
+    }
+    m.keep(others);
+  }
+}
+
+/// Whether the points tell how they are turned: they are not all near one line.
+bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
+  const Eigen::Vector3d centre = centreOf(points);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points)
+    scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastWidth * kLeastWidth;
+}
+
+constexpr double kRounding = 1e-12; // of the largest variance
+
+} // namespace
+
+LoadedMap loadedFrom(const SavedMap& map) {
+  LoadedMap loaded{{}, {}, map.covariance};
+  double farthest2 = map.world_T_imu.translation().squaredNorm();
+  for (const SavedLandmark& l : map.landmarks) {
+    loaded.landmarks.push_back({l.id, 0, l.observations, map.stamp, map.stamp, false});
+    loaded.positions.push_back(l.position);
+    farthest2 = std::max(farthest2, l.position.squaredNorm());
+  }
+  auto variances = loaded.covariance.diagonal();
+  // Errors about the origin: what turns there shifts what is far away.
+  const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(3).maxCoeff();
+  variances.head<3>().array() += kRounding * largest;
+  variances.tail(variances.size() - kSavedBase).array() += kRounding * largest;
+  return loaded;
+}
+
+Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map) : map_(std::move(map)) {
+  for (std::size_t i = 0; i < map_->landmarks.size(); ++i) index_.emplace(map_->landmarks[i].id, i);
+}
+
+bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
+                         const StereoModel& model, Stamp now) {
+  if (next_attempt_ && now < *next_attempt_) return false;
+  next_attempt_ = now + fromSeconds(kBetweenTries);
+  const std::optional<Place> place = find(filter, landmarks);
+  if (!place) return false;
+  if (moveTo(*place, filter, landmarks, returning, model, now)) return true;
+  next_attempt_ = now + fromSeconds(kBetweenFailures);
+  return false;
+}
+
+std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const LandmarkMap& landmarks) const {
+  Matches m;
+  std::vector<Eigen::Index> rows_here, rows_there;
+  for (const Landmark& l : landmarks.active()) {
+    const auto known = index_.find(l.id);
+    if (l.observations < kTellingObservations || l.reactivated || known == index_.end()) continue;
+    if (m.ids.size() == kMostPoints) break;
+    m.ids.push_back(l.id);
+    m.here.push_back(filter.variables().point(l.variable));
+    m.there.push_back(map_->landmarks[known->second].position);
+    rows_here.push_back(filter.rowOf(l.variable));
+    rows_there.push_back(kSavedBase + 3 * static_cast<Eigen::Index>(known->second));
+  }
+  const std::size_t matches = m.ids.size();
+  if (matches < kLeastMatches) return std::nullopt;
+  m.covariance_here = blocksOf(filter.covariance(), rows_here);
+  m.covariance_there = blocksOf(map_->covariance, rows_there);
+  m.weights.resize(3 * static_cast<Eigen::Index>(matches));
+  for (std::size_t i = 0; i < matches; ++i) {
+    const auto row = 3 * static_cast<Eigen::Index>(i);
+    const double variance =
+        m.covariance_here.block<3, 3>(row, row).trace() / 3.0 + kCornerSigma * kCornerSigma;
+    m.weights.segment<3>(row).setConstant(1.0 / variance);
+  }
+  const auto motion = roughAlignment(m);
+  if (!motion) return std::nullopt;
+  Place place{*motion, {}};
+  keepCompatible(m, place.map_T_session);
+  const bool enough = m.ids.size() >= kLeastMatches &&
+                      static_cast<double>(m.ids.size()) >= kShareOfMatches * static_cast<double>(matches);
+  if (!enough || !spanAPlane(m.there)) return std::nullopt;
+  place.ids = m.ids;
+  return place;
+}
+
+/// As unsure of where the vehicle is there as can be; its landmarks of these ids are fused with the map's,
+/// which tells. What this drive saw before stays in the map as estimates without correlation.
+bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
+                         ReturningLandmarks& returning, const StereoModel& model, Stamp now) const {
+  Filter moved = filter;
+  LandmarkMap map = landmarks;
+  ReturningLandmarks returning_there = returning;
+  returning_there.restart();
+  map.bound(moved, true);
+  for (std::size_t i = map.active().size(); i-- > 0;) {
+    if (map.active()[i].reactivated) map.discard(moved, i);
+  }
+  const Matrix6d own = filter.covariance().topLeftCorner<6, 6>();
+  moved.moveWorld(place.map_T_session);
+  Vector6d any;
+  any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
+  moved.addNoise(0, Matrix6d(any.cwiseAbs2().asDiagonal()));
+  LoadedMap loaded = loadedFrom(*map_);
+  const Eigen::Index rows = loaded.covariance.rows() - kSavedBase;
+  map.adopt(moved, loaded.landmarks, loaded.positions, loaded.covariance.bottomRightCorner(rows, rows),
+            Eigen::MatrixXd::Zero(moved.rows(), rows));
+  if (returning_there.fuse(moved, map, model, now, place.ids, kLeastFused) < kLeastFused ||
+      !isValid(moved, true))
+    return false;
+  Matrix6d turned = Matrix6d::Zero(); // the error of the pose within this drive, along the map's axes
+  for (const Eigen::Index at : {0, 3}) turned.block<3, 3>(at, at) = place.map_T_session.rotation();
+  const Matrix6d alignment =
+      turned * own * turned.transpose() + Matrix6d(moved.covariance().topLeftCorner<6, 6>());
+  map.archive().move(place.map_T_session, moved.pose().translation(), 2.0 * alignment);
+  filter = std::move(moved);
+  landmarks = std::move(map);
+  returning = std::move(returning_there);
+  return true;
+}
+
+} // namespace vi_ekf_slam

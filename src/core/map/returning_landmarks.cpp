@@ -1,0 +1,114 @@
+#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "vi_ekf_slam/core/map/duplicates.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// Operations that may be spent on settling, on the average: a tenth of a core.
+constexpr double kSettlingPerSecond = 2e9;
+constexpr double kMostSaved = 10.0; // s of them
+// Before a landmark is compared with what was seen of it before: observations, and the standard deviation of
+// its distance, up to which its error is one of straight coordinates. Of a far one the pixels tell the
+// inverse of the distance: a dozen of them, new and each a little wrong to the same side, would move the pose
+// with them.
+constexpr std::size_t kObservations = 3;
+constexpr double kDistanceSigma = 0.1; // of the distance
+// They must agree with each other, so that wrong ids do no harm.
+constexpr std::size_t kLeast = 3, kMost = 100;
+constexpr double kSamePoint = 1e-3; // m, how far apart a landmark may be from itself: rounding
+// Landmarks of the map that are made active because they should come into view.
+constexpr std::size_t kMostExpected = 60;
+constexpr double kExpectedDistance = 50.0; // m
+constexpr double kExpectedTime = 10.0;     // s without an observation
+
+bool isLocated(const Filter& filter, const Landmark& landmark) {
+  const Eigen::Vector3d way = filter.variables().point(landmark.variable) - filter.pose().translation();
+  const double distance2 = way.squaredNorm();
+  const double variance = way.dot(filter.covariance(landmark.variable) * way) / distance2;
+  return variance < kDistanceSigma * kDistanceSigma * distance2;
+}
+
+/// Inactive landmarks before the camera, the nearest first, that have been out of view for some time.
+std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
+  const SE3 cam_T_world = model.camTWorld(filter);
+  std::vector<std::pair<double, FeatureId>> near;
+  for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
+    const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(e.variable.mean);
+    const FeatureId id = map.inactive(e.variable.handle).id;
+    if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, id))
+      near.emplace_back(q.norm(), id);
+  }
+  std::sort(near.begin(), near.end());
+  near.resize(std::min(near.size(), kMostExpected));
+  std::vector<FeatureId> ids;
+  for (const auto& [distance, id] : near) ids.push_back(id);
+  return ids;
+}
+
+} // namespace
+
+bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId inactive) {
+  return filter.inactive().departuresSince(map.inactiveVariable(inactive)) > map.active().size();
+}
+
+bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model,
+                                    Stamp now) {
+  return landmark.reactivated && secondsBetween(landmark.last_seen, now) < kExpectedTime &&
+         (model.camTWorld(filter) * filter.variables().point(landmark.variable)).z() > 0.0;
+}
+
+std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                       double seconds) {
+  if (filter.inactive().isEmpty()) return 0;
+  const double cost = filter.inactive().settlingCost();
+  allowance_ = std::min(allowance_ + seconds * kSettlingPerSecond,
+                        std::max(cost, kMostSaved * kSettlingPerSecond));
+  std::vector<FeatureId> ids;
+  std::unordered_set<FeatureId> in_view;
+  for (const Landmark& landmark : map.active()) {
+    if (disputed_.count(landmark.id)) in_view.insert(landmark.id);
+    if (ids.size() < kMost && landmark.observations >= kObservations && map.isInactive(landmark.id) &&
+        !disputed_.count(landmark.id) && isLongOutOfView(filter, map, landmark.id) &&
+        isLocated(filter, landmark))
+      ids.push_back(landmark.id);
+  }
+  disputed_.swap(in_view);
+  if (ids.size() < kLeast || allowance_ < cost) return 0;
+  allowance_ -= cost;
+  return fuse(filter, map, model, now, std::move(ids), kLeast);
+}
+
+std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                     std::vector<FeatureId> ids, std::size_t least) {
+  const auto index = map.indexById();
+  const std::size_t first = map.active().size(), pairs = ids.size();
+  for (const FeatureId id : soonInView(filter, map, model)) {
+    if (!index.count(id)) ids.push_back(id);
+  }
+  map.reactivate(filter, ids, now);
+  std::vector<Duplicate> duplicates;
+  for (std::size_t i = 0; i < pairs; ++i)
+    duplicates.push_back({map.active()[index.at(ids[i])].variable, map.active()[first + i].variable});
+  const Fusion fusion = fuseDuplicates(filter, duplicates, least, kSamePoint);
+  const bool recognised = fusion.count() > 0;
+  // From behind: whoever takes a place comes from behind it.
+  for (std::size_t i = ids.size(); i-- > pairs;) {
+    if (!recognised) map.deactivate(filter, first + i);
+  }
+  for (std::size_t i = pairs; i-- > 0;) {
+    if (fusion.fused[i]) {
+      map.active(index.at(ids[i])).observations += map.active()[first + i].observations;
+      map.discard(filter, first + i);
+    } else {
+      map.deactivate(filter, first + i);
+      disputed_.insert(ids[i]);
+    }
+  }
+  return fusion.count();
+}
+
+} // namespace vi_ekf_slam

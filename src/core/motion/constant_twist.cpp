@@ -1,0 +1,87 @@
+#include "vi_ekf_slam/core/motion/constant_twist.hpp"
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/observation/body_twist.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
+
+} // namespace
+
+void ConstantTwist::addTo(Filter& filter) {
+  twist_ = filter.augment(Chart::kVector, Vector6d::Zero(),
+                          options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+  bias_ = filter.augment(Chart::kVector, Vector6d::Zero(),
+                         options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+}
+
+/// T' = T Exp(dt nu). The right-invariant error about the body's old position gains B dnu with
+/// B = dt Ad(R) J_l(dt nu), of the mean error of the twist over the step; about its new one dp' = dp -
+/// [p' - p]x theta'. White noise of density Q on the twist's derivative leaves Q dt on the twist, Q dt / 3 on
+/// its mean over the step and Q dt / 2 between the two.
+void ConstantTwist::propagate(Filter& filter, double dt) const {
+  const SE3& pose = filter.pose();
+  const Vector6d nu = twist(filter);
+  CoreStep step;
+  step.pose = (pose * SE3::Exp(dt * nu)).normalized();
+  Matrix6d moved = Matrix6d::Identity();
+  moved.topRightCorner<3, 3>() = -so3::hat(step.pose.translation() - pose.translation());
+  const Matrix6d turned = SE3(pose.rotation(), Eigen::Vector3d::Zero()).adjoint();
+  const Matrix6d B = moved * (dt * turned * se3::leftJacobian(dt * nu));
+  const Eigen::Index c = filter.coreRows(), t = filter.rowOf(twist_), b = filter.rowOf(bias_);
+  step.F.setIdentity(c, c);
+  step.F.topLeftCorner<6, 6>() = moved;
+  step.F.block<6, 6>(0, t) = B;
+  const Vector6d Q = dt * options_.twist_density.cwiseAbs2();
+  step.Q.setZero(c, c);
+  step.Q.topLeftCorner<6, 6>() = B * (Q / 3.0).asDiagonal() * B.transpose();
+  step.Q.block<6, 6>(0, t) = B * (0.5 * Q).asDiagonal();
+  step.Q.block<6, 6>(t, 0) = step.Q.block<6, 6>(0, t).transpose();
+  step.Q.block<6, 6>(t, t).diagonal() = Q;
+  step.Q.block<6, 6>(b, b).diagonal() = dt * options_.bias_density.cwiseAbs2();
+  filter.propagate(step);
+}
+
+void ConstantTwist::process(Filter& filter, const GyroSample& sample) const {
+  filter.correct(measureTwist(filter, twist_, bias_, 3, sample.angular_velocity,
+                              noiseOf(sample)));
+}
+
+void ConstantTwist::process(Filter& filter, const VelocitySample& sample) const {
+  filter.correct(measureTwist(filter, twist_, bias_, 0, sample.linear_velocity,
+                              noiseOf(sample)));
+}
+
+Eigen::Matrix3d ConstantTwist::noiseOf(const GyroSample& sample) const {
+  return sample.covariance.value_or(isotropic(options_.gyro_sigma));
+}
+
+Eigen::Matrix3d ConstantTwist::noiseOf(const VelocitySample& sample) const {
+  return sample.covariance.value_or(isotropic(options_.velocity_sigma));
+}
+
+void ConstantTwist::processStandstill(Filter& filter, double dt) const {
+  filter.correct(measureStandstill(filter, twist_, dt));
+}
+
+void ConstantTwist::reset(Filter& filter, bool biases) const {
+  filter.reset(twist_, options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+  if (biases) filter.reset(bias_, options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+}
+
+Eigen::Vector3d ConstantTwist::gyroBias(const Filter& filter) const {
+  return filter.variables().mean(bias_).tail<3>();
+}
+
+Eigen::Matrix3d ConstantTwist::gyroBiasCovariance(const Filter& filter) const {
+  return filter.covariance(bias_).bottomRightCorner<3, 3>();
+}
+
+double ConstantTwist::twistChange(const Filter& filter, const Eigen::VectorXd& error) const {
+  return squaredMahalanobis(Vector6d(error.segment<6>(filter.rowOf(twist_))), twistCovariance(filter));
+}
+
+} // namespace vi_ekf_slam

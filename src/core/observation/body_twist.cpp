@@ -1,0 +1,34 @@
+#include "vi_ekf_slam/core/observation/body_twist.hpp"
+
+#include <algorithm>
+
+namespace vi_ekf_slam {
+namespace {
+
+// How still a body stands whose engine runs, averaged over a tenth of a second: what is known after a second
+// does not depend on how often it is said.
+constexpr double kStandstillVelocity = 0.02; // m/s
+constexpr double kStandstillRate = 0.002;    // rad/s
+constexpr double kStandstillPeriod = 0.1;    // s
+
+} // namespace
+
+LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, Eigen::Index axis,
+                               const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise) {
+  const auto& variables = filter.variables();
+  const Eigen::Vector3d expected =
+      variables.mean(twist).segment<3>(axis) + variables.mean(bias).segment<3>(axis);
+  return LinearMeasurement(measured - expected, noise)
+      .by(filter.rowOf(twist) + axis, Eigen::Matrix3d::Identity())
+      .by(filter.rowOf(bias) + axis, Eigen::Matrix3d::Identity());
+}
+
+LinearMeasurement measureStandstill(const Filter& filter, Handle twist, double dt) {
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(kStandstillVelocity), Eigen::Vector3d::Constant(kStandstillRate);
+  const Vector6d variance = kStandstillPeriod / std::max(dt, 1e-3) * sigma.cwiseAbs2();
+  return LinearMeasurement(-filter.variables().mean(twist), Matrix6d(variance.asDiagonal()))
+      .by(filter.rowOf(twist), Matrix6d::Identity());
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,302 @@
+#include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "vi_ekf_slam/core/filter/validity.hpp"
+#include "vi_ekf_slam/core/map/snapshot.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// The world frame IS the first IMU frame; not zero, so that the covariance stays positive definite.
+constexpr double kPosePriorSigma = 1e-6; // m, rad
+constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
+constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
+constexpr double kKnownHeading = 1.0;    // rad, standard deviation: corrections of more are none that are linear
+
+Matrix6d startCovariance() { return Vector6d::Constant(kPosePriorSigma * kPosePriorSigma).asDiagonal(); }
+
+bool headingIsKnown(const Filter& filter) {
+  return filter.covariance().diagonal().segment<3>(3).maxCoeff() <= kKnownHeading * kKnownHeading;
+}
+
+} // namespace
+
+InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
+    : config_(config),
+      motion_(std::make_shared<ConstantTwist>(config.motion)),
+      filter_(SE3(), startCovariance()),
+      map_(config.map),
+      standstill_(config.standstill_px),
+      recovery_(config.recovery, *motion_) {
+  begin(SE3(), startCovariance());
+}
+
+/// A filter that knows nothing but its pose.
+void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
+  filter_ = Filter(pose, covariance);
+  motion_->addTo(filter_);
+  if (config_.scale_sigma > 0.0)
+    scale_ = filter_.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
+                             Eigen::MatrixXd::Constant(1, 1, config_.scale_sigma * config_.scale_sigma));
+  filter_.closeCore();
+}
+
+void InvariantEstimator::setRig(const StereoRig& rig) { model_.emplace(rig, config_.stereo, scale_); }
+
+void InvariantEstimator::setGates(const Gates& gates) { vi_ekf_slam::setGates(config_, gates); }
+
+// Gyro and velocity: motion -> health.
+
+void InvariantEstimator::process(const GyroSample& sample) {
+  advanceTo(sample.stamp);
+  standstill_.addGyro(sample.stamp, sample.angular_velocity - motion_->gyroBias(filter_),
+                      motion_->noiseOf(sample), motion_->gyroBiasCovariance(filter_));
+  motion_->process(filter_, sample);
+  checkpoint(false);
+}
+
+void InvariantEstimator::process(const VelocitySample& sample) {
+  advanceTo(sample.stamp);
+  standstill_.addVelocity(sample.stamp, sample.linear_velocity - motion_->bias(filter_).head<3>(),
+                          motion_->noiseOf(sample));
+  motion_->process(filter_, sample);
+  checkpoint(false);
+}
+
+void InvariantEstimator::advanceTo(Stamp stamp) {
+  if (resume_) resume(stamp);
+  if (stamp_ && stamp > *stamp_) {
+    const double dt = secondsBetween(*stamp_, stamp);
+    if (dt > kTrackedGap) {
+      while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
+    }
+    const Vector6d twist = motion_->twist(filter_);
+    recovery_.travel(dt * twist.head<3>().norm(), dt * twist.tail<3>().norm());
+    propagate(filter_, dt);
+  }
+  stamp_ = stamp;
+}
+
+void InvariantEstimator::propagate(Filter& filter, double dt) const {
+  const double steps = std::max(1.0, std::ceil(dt / kLongestStep - 1e-6));
+  for (int i = 0; i < static_cast<int>(steps); ++i) motion_->propagate(filter, dt / steps);
+}
+
+bool InvariantEstimator::canBridge(double gap_s) const {
+  Filter ahead = filter_;
+  propagate(ahead, gap_s);
+  return headingIsKnown(ahead);
+}
+
+/// Remembers a valid estimate, and goes back to it from one that is not.
+void InvariantEstimator::checkpoint(bool thoroughly) {
+  if (recovery_.check(filter_, *stamp_, thoroughly)) return;
+  divergence_ = Divergence::kCovariance;
+  map_.archiveAll(filter_);
+  map_.clear();
+  returning_.restart();
+  rejected_.clear();
+  begin(recovery_.checkpointPose(),
+        recovery_.checkpointCovariance(*stamp_, config_.motion.prior_twist_sigma[0]));
+  standstill_ = StandstillDetector(config_.standstill_px);
+}
+
+// A frame: motion -> tracking -> observation -> filter -> health -> map.
+
+FrameReport InvariantEstimator::process(const StereoFrame& frame) {
+  advanceTo(frame.stamp);
+  FrameReport report;
+  report.stamp = frame.stamp;
+  report.features = frame.features.size();
+  handleStandstill(frame);
+  filter_.settle();
+  if (model_) {
+    useFeatures(frame, report);
+    if (map_.keepsInactive()) closeLoops(report);
+  } else {
+    report.invalid = report.features;
+  }
+  checkpoint(true);
+  recovery_.endFrame();
+  last_frame_ = frame.stamp;
+  report.divergence = std::exchange(divergence_, Divergence::kNone);
+  report.landmarks = map_.active().size();
+  report.inactive = filter_.inactive().size();
+  return report;
+}
+
+void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
+  if (!(config_.standstill_px > 0.0)) return;
+  standstill_.addFrame(frame);
+  if (last_frame_ && standstill_.stands(frame.stamp))
+    motion_->processStandstill(filter_, secondsBetween(*last_frame_, frame.stamp));
+}
+
+/// Those of rejected tracks are not; an id that left may come back as something else.
+std::vector<std::size_t> InvariantEstimator::usableFeatures(const StereoFrame& frame, FrameReport& report) {
+  std::vector<std::size_t> usable;
+  std::unordered_set<FeatureId> still_rejected;
+  for (std::size_t i = 0; i < frame.features.size(); ++i) {
+    const StereoFeatureObservation& feature = frame.features[i];
+    const bool rejected = rejected_.count(feature.id) != 0;
+    if (rejected) still_rejected.insert(feature.id);
+    if (!model_->isUsable(feature.pixels)) {
+      ++report.invalid;
+    } else if (rejected) {
+      ++report.rejected;
+    } else {
+      usable.push_back(i);
+    }
+  }
+  rejected_.swap(still_rejected);
+  return usable;
+}
+
+void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& report) {
+  const std::vector<std::size_t> usable = usableFeatures(frame, report);
+  const Associations seen = associate(filter_, map_, *model_, frame, usable);
+  const FrameOutcome outcome =
+      FrameUpdate(config_.update, *model_, *motion_).apply(filter_, map_, frame, seen.known);
+  report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+  report.rejected += seen.known.size() - report.used;
+  report.frame_rejected = outcome.skipped;
+  report.nis = outcome.nis;
+  report.nis_dof = outcome.nis_dof;
+  const Divergence divergence = recovery_.judge(filter_, map_, *model_, frame, seen.known, outcome);
+  if (divergence != Divergence::kNone) {
+    divergence_ = divergence;
+    report.removed += map_.active().size();
+    while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
+    rejected_.clear();
+    initialise(frame, usable, report);
+  } else if (!outcome.skipped) { // a skipped frame leaves the local map as it is
+    updateTracks(frame, seen, outcome, report);
+    initialise(frame, seen.unknown, report);
+  }
+}
+
+/// Rejected tracks contradict the static world, once and for all (a car, a track that slides): they leave the
+/// map. Lost ones go where the map keeps what is out of view.
+void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associations& seen,
+                                      const FrameOutcome& outcome, FrameReport& report) {
+  enum class Track { kLost, kUsed, kRejected };
+  std::vector<Track> tracks(map_.active().size(), Track::kLost);
+  for (std::size_t i = 0; i < seen.known.size(); ++i) {
+    const auto [landmark, feature] = seen.known[i];
+    tracks[landmark] = outcome.used[i] ? Track::kUsed : Track::kRejected;
+    if (!outcome.used[i]) rejected_.insert(frame.features[feature].id);
+  }
+  std::unordered_set<FeatureId> begins_anew;
+  for (const std::size_t feature : seen.unknown) begins_anew.insert(frame.features[feature].id);
+  for (std::size_t i = tracks.size(); i-- > 0;) {
+    Landmark& landmark = map_.active(i);
+    if (tracks[i] == Track::kUsed) {
+      if (landmark.reactivated) {
+        ++report.revisited;
+        landmark.first_seen = frame.stamp;
+      }
+      landmark.reactivated = false;
+      landmark.last_seen = frame.stamp;
+      ++landmark.observations;
+      continue;
+    }
+    const bool expected = tracks[i] == Track::kLost && !begins_anew.count(landmark.id) &&
+                          !rejected_.count(landmark.id) &&
+                          ReturningLandmarks::isExpected(landmark, filter_, *model_, frame.stamp);
+    if (expected) continue;
+    ++report.removed;
+    if (tracks[i] == Track::kRejected)
+      map_.discard(filter_, i);
+    else
+      map_.leave(filter_, i);
+  }
+}
+
+void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
+                                    FrameReport& report) {
+  for (const std::size_t feature : features) {
+    const StereoFeatureObservation& f = frame.features[feature];
+    const auto seen = model_->triangulate(filter_, f.pixels);
+    if (!seen) continue;
+    const Handle variable = filter_.augment(Chart::kPoint, seen->position, seen->noise, seen->by);
+    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false});
+    ++report.initialised;
+  }
+}
+
+void InvariantEstimator::closeLoops(FrameReport& report) {
+  const double seconds = last_frame_ ? secondsBetween(*last_frame_, *stamp_) : 0.0;
+  map_.bound(filter_);
+  report.revisited += returning_.update(filter_, map_, *model_, *stamp_, seconds);
+  if (config_.recognise_places)
+    report.place_recognised = places_.update(filter_, map_, *stamp_, seconds);
+  if (relocaliser_ && relocaliser_->update(filter_, map_, returning_, *model_, *stamp_)) {
+    report.relocalised = true;
+    relocaliser_.reset();
+    map_use_ = MapUse::kRelocalised;
+  }
+}
+
+// What goes out, and comes back.
+
+StateEstimate InvariantEstimator::state() const {
+  StateEstimate estimate;
+  estimate.stamp = stamp_.value_or(0);
+  estimate.world_T_imu = filter_.pose();
+  estimate.pose_covariance = filter_.covariance().topLeftCorner<6, 6>();
+  estimate.twist = motion_->twist(filter_);
+  estimate.twist_covariance = motion_->twistCovariance(filter_);
+  return estimate;
+}
+
+std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
+  Filter settled = filter_;
+  settled.settle();
+  return map_.estimates(settled, false);
+}
+
+/// Of a copy: what is large in it is shared.
+std::function<std::vector<LandmarkEstimate>()> InvariantEstimator::exactMap() const {
+  return [filter = filter_, map = map_]() mutable {
+    filter.settle();
+    return map.estimates(filter, true);
+  };
+}
+
+std::function<SavedMap()> InvariantEstimator::savedMap() const {
+  if (!keepsJointMap() || !stamp_) return {};
+  return [filter = filter_, map = map_, motion = motion_, stamp = *stamp_] {
+    return snapshotOf(filter, map, *motion, stamp);
+  };
+}
+
+void InvariantEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
+  relocaliser_.emplace(std::move(map));
+  map_use_ = MapUse::kWaiting;
+}
+
+void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double max_gap_s) {
+  resume_ = Resume{std::move(map), max_gap_s};
+  map_use_ = MapUse::kWaiting;
+}
+
+void InvariantEstimator::resume(Stamp stamp) {
+  const Resume from = *std::exchange(resume_, std::nullopt);
+  const double gap = secondsBetween(from.map->stamp, stamp);
+  if (gap >= 0.0 && gap <= from.max_gap_s) {
+    restore(*from.map, filter_, map_, *motion_);
+    if (isValid(filter_, true) && canBridge(gap)) {
+      stamp_ = from.map->stamp;
+      map_use_ = MapUse::kResumed;
+      return;
+    }
+    map_.clear();
+    begin(SE3(), startCovariance());
+  }
+  relocaliseIn(from.map);
+}
+
+} // namespace vi_ekf_slam
