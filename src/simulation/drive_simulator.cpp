@@ -7,8 +7,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kImuStream = 7, kBiasStream = 8;
-
 DriveOptions checked(const DriveOptions& options) {
   checkDriveOptions(options);
   return options;
@@ -43,13 +41,13 @@ DriveSimulator::DriveSimulator(const DriveOptions& options)
       scene_(makeScene(options, view_)),
       traffic_(options),
       front_end_(options, view_, *scene_),
-      imu_random_(options.seed, kImuStream),
+      imu_random_(options.seed, RandomStream::kImu),
       samples_per_frame_(static_cast<std::size_t>(std::lround(options.imuRate() / options.frame_rate))) {
   drawBiases();
 }
 
 void DriveSimulator::drawBiases() {
-  Random random(options_.seed, kBiasStream);
+  Random random(options_.seed, RandomStream::kBiases);
   for (int i = 0; i < 3; ++i) {
     const double magnitude = random.sign() * random.uniform(options_.gyro_bias_min, options_.gyro_bias_max);
     const double normal = random.normal() * options_.gyro_bias_sigma;

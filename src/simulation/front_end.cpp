@@ -6,7 +6,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kNoiseStream = 4, kTrackStream = 5, kStaleStream = 6;
 constexpr int kStaleGap = 3; // frames, the least from one stale frame to the next
 constexpr double kLn2 = 0.6931471805599453;
 constexpr double kLeastRefill = 0.7; // of features_max
@@ -18,9 +17,9 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
       view_(view),
       scene_(scene),
       drift_(options),
-      noise_random_(options.seed, kNoiseStream),
-      track_random_(options.seed, kTrackStream),
-      stale_random_(options.seed, kStaleStream) {}
+      noise_random_(options.seed, RandomStream::kPixelNoise),
+      track_random_(options.seed, RandomStream::kTracks),
+      stale_random_(options.seed, RandomStream::kStaleFrames) {}
 
 FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
                                    const std::vector<MovingObject>& objects) {

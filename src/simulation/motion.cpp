@@ -6,7 +6,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kMotionStream = 1;
 constexpr double kAcceleration = 1.5;   // m/s^2
 constexpr double kStopTolerance = 0.05; // m
 
@@ -52,7 +51,7 @@ Vector6d CarMotion::step(double dt) {
 }
 
 ProcessMotion::ProcessMotion(const DriveOptions& options)
-    : random_(options.seed, kMotionStream), nominal_(Vector6d::Zero()), decay_(options.twist_decay) {
+    : random_(options.seed, RandomStream::kMotion), nominal_(Vector6d::Zero()), decay_(options.twist_decay) {
   nominal_[0] = options.speed;
   twist_ = nominal_;
   noise_ << options.noise_forward, options.noise_lateral, options.noise_vertical, options.noise_rotation,
