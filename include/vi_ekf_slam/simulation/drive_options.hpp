@@ -44,12 +44,14 @@ struct DriveOptions {
   double drift_rotation = 0.0;    ///< rad/m^0.5, and of what they turn about the vehicle
   int features_max = 115;         ///< tracks after the fullest re-detection
   int features_min = 25;          ///< fewer tracks than this call for a re-detection
-  double track_median = 26.0;     ///< frames; median of the exponential track life, if nothing else ends it
-  int track_max = 170;            ///< frames, the longest track
+  double track_median = 2.6;      ///< s; median of the exponential track life, if nothing else ends it
+  double track_max = 17.0;        ///< s, the longest track
   double outlier_fraction = 0.03; ///< of the tracks: wrong stereo matches and sliding tracks
   int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
-  double stale_fraction = 0.09;   ///< of the frames: re-detections that repeat the surviving tracks' pixels
-  bool ids_return = false;        ///< whether a landmark that is detected again has its old id
+  /// Re-detections that repeat the surviving tracks' pixels, in 0.1 s: of the frames at 10 Hz, and as many in
+  /// a second at any other rate.
+  double stale_fraction = 0.09;
+  bool ids_return = false; ///< whether a landmark that is detected again has its old id
   /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
   /// with 3 it is nearly always the same ones.
   double strength_spread = 0.0;
