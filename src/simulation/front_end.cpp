@@ -21,7 +21,8 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
       drift_(options),
       noise_random_(options.seed, RandomStream::kPixelNoise),
       track_random_(options.seed, RandomStream::kTracks),
-      stale_random_(options.seed, RandomStream::kStaleFrames) {}
+      stale_random_(options.seed, RandomStream::kStaleFrames),
+      walk_random_(options.seed, RandomStream::kTrackWalks) {}
 
 FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
                                    const std::vector<MovingObject>& objects) {
@@ -79,6 +80,14 @@ StereoPixels FrontEnd::noise() {
   return options_.pixel_sigma * n;
 }
 
+/// What a track strays in `dt` s, px: the patch that is searched for in the left image is the one that was
+/// found there last, and the right image is matched to the left one.
+StereoPixels FrontEnd::walk(double dt) {
+  const double sigma = options_.track_walk * std::sqrt(dt);
+  const double u = sigma * walk_random_.normal(), v = sigma * walk_random_.normal();
+  return {u, v, u, v};
+}
+
 /// Observes the track's point again. False where it is lost.
 bool FrontEnd::follow(Track& track, double dt, const SE3& cam_T_world,
                       const std::vector<MovingObject>& objects) {
@@ -92,7 +101,7 @@ bool FrontEnd::follow(Track& track, double dt, const SE3& cam_T_world,
   const Eigen::Vector3d p = cam_T_world * (drift_.slide() * (track.birth_inverse * track.truth.world));
   if (!view_.sees(p)) return false;
   if (!track.car && scene_.occluded(cam_T_world.inverse().translation(), track.truth.world)) return false;
-  track.offset += dt * track.slide;
+  track.offset += dt * track.slide + walk(dt);
   const StereoPixels where = view_.rig.camera.project(p) + track.offset;
   if (!view_.contains(where)) return false;
   track.pixels = where + noise();

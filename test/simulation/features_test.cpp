@@ -184,6 +184,48 @@ TEST_P(Rates, SlidingTracksSlideAsFarInASecond) {
   EXPECT_LE(*std::max_element(speeds.begin(), speeds.end()), 50.0 + 1e-6);
 }
 
+TEST_P(Rates, TracksWalkByTheirDensityInBothImagesAlike) {
+  DriveOptions options = atRate(GetParam());
+  options.track_walk = 0.5;
+  options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
+  const Drive drive = simulateDrive(options);
+  std::map<FeatureId, std::pair<std::size_t, Eigen::Vector2d>> born;
+  double squares = 0.0, crossed = 0.0, n = 0.0, worst_new = 0.0, worst_split = 0.0;
+  forEachObservation(drive, ObservationKind::kStatic, [&](const DriveStep& step, std::size_t i) {
+    const StereoPixels off = residual(drive, step, i);
+    worst_split = std::max(worst_split, (off.head<2>() - off.tail<2>()).norm());
+    const auto birth = born.emplace(step.frame.features[i].id, std::make_pair(step.index, off.head<2>()));
+    if (birth.second) worst_new = std::max(worst_new, off.norm());
+    const double age = static_cast<double>(step.index - birth.first->second.first) / GetParam();
+    if (age < 0.9 || age > 1.1) return; // s
+    squares += 0.5 * off.head<2>().squaredNorm() / age;
+    crossed += off[0] * off[1] / age;
+    n += 1.0;
+  });
+  ASSERT_GT(n, 300.0);
+  EXPECT_LT(worst_new, 1e-6);
+  EXPECT_LT(worst_split, 1e-6);
+  EXPECT_NEAR(squares / n, 0.25, 0.03);
+  EXPECT_NEAR(crossed / n, 0.0, 0.03);
+}
+
+TEST(Features, OneTrackWalksWithoutTheOthers) {
+  DriveOptions options;
+  options.track_walk = 0.5;
+  options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
+  const Drive drive = simulateDrive(options);
+  double together = 0.0, alone = 0.0;
+  for (const DriveStep& step : drive.steps) {
+    StereoPixels sum = StereoPixels::Zero();
+    for (std::size_t i = 0; i < step.truth.size(); ++i) {
+      sum += residual(drive, step, i);
+      alone += residual(drive, step, i).squaredNorm();
+    }
+    together += sum.squaredNorm();
+  }
+  EXPECT_NEAR(together / alone, 1.0, 0.5); // some 68 if all walked as one
+}
+
 TEST(StaleFrames, RepeatEverySurvivorBitForBitAndNoOtherFrameDoes) {
   const Drive drive = simulateDrive(DriveOptions());
   double stale = 0.0;

@@ -19,7 +19,8 @@ enum class RandomStream : std::uint64_t {
   kBiases,
   kTrackDrift,
   kStrengths,
-  kLast = kStrengths
+  kTrackWalks,
+  kLast = kTrackWalks
 };
 
 /// Random numbers that depend on (seed, stream) alone. The distributions of <random> differ between standard
