@@ -223,13 +223,15 @@ def write(output, text, results, drives, rows):
 
 
 def choose(things, wanted, what):
-    """Those of `things` whose name or group is in `wanted`, or all where that is None."""
+    """Those of `things` whose name, stem or group is in `wanted`, or all where that is None."""
+    def names(thing):
+        return {getattr(thing, field, thing.name) for field in ("name", "stem", "group")}
     if wanted is None:
         return things
     for word in wanted:
-        if not any(word in (thing.name, getattr(thing, "group", None)) for thing in things):
+        if not any(word in names(thing) for thing in things):
             raise InputError("there is no %s '%s'; there are: %s" % (what, word, ", ".join(t.name for t in things)))
-    return tuple(t for t in things if t.name in wanted or getattr(t, "group", None) in wanted)
+    return tuple(thing for thing in things if names(thing) & set(wanted))
 
 
 def parse(argv):

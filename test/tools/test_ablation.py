@@ -63,6 +63,7 @@ def test_groups_have_their_means_and_lost_drives_are_counted(ablation):
 
 def test_what_is_asked_for_must_exist(ablation):
     assert [d.name for d in ablation.choose(ablation.DRIVES, ["noisy"], "drive")][0] == "0001_noisy"
+    assert [d.name for d in ablation.choose(ablation.DRIVES, ["extra_0009", "0027"], "drive")] == ["0027", "0009"]
     with pytest.raises(ablation.InputError, match="there is no drive '0022'"):
         ablation.choose(ablation.DRIVES, ["0022"], "drive")
     with pytest.raises(ablation.InputError, match="there is no row 'nothing'"):
