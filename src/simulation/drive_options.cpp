@@ -11,6 +11,8 @@ namespace {
 
 using O = DriveOptions;
 
+constexpr double kLeastRate = 0.5; // Hz
+
 std::string number(double value) {
   std::ostringstream out;
   out.precision(16);
@@ -72,8 +74,8 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"standing-start", &O::standing_start, 0, 1e4, "s", "at rest before the start"},
       {"corner-stop", &O::corner_stop, 0, 1e4, "s", "at rest before the first corner"},
       {"start-time", &O::start_time, 0, 4e9, "s", "first stamp, since the epoch"},
-      {"frame-rate", &O::frame_rate, 0.5, 200, "Hz", "stereo frames"},
-      {"imu-rate", &O::imu_rate, 0, 2000, "Hz", "gyro and velocity, a multiple of frame-rate; 0: the same"},
+      {"frame-rate", &O::frame_rate, kLeastRate, 200, "Hz", "stereo frames"},
+      {"imu-rate", &O::imu_rate, 0, 2000, "Hz", "gyro and velocity; 0: the same as frame-rate"},
       {"velocity-sigma", &O::velocity_sigma, 0, 10, "m/s", "white noise per sample and axis"},
       {"gyro-sigma", &O::gyro_sigma, 0, 1, "rad/s", "white noise per sample and axis"},
       {"gyro-bias-min", &O::gyro_bias_min, 0, 1, "rad/s", "least magnitude of an axis' constant bias"},
@@ -86,13 +88,16 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"drift-position", &O::drift_position, 0, 1, "m/m^0.5",
        "random walk of all tracks, per distance driven"},
       {"drift-rotation", &O::drift_rotation, 0, 0.1, "rad/m^0.5", "the same, turning about the vehicle"},
+      {"track-walk", &O::track_walk, 0, 100, "px/s^0.5",
+       "random walk of each track by itself, alike in both images"},
       {"features-max", &O::features_max, 1, 2000, "", "tracks after the fullest re-detection"},
       {"features-min", &O::features_min, 0, 2000, "", "fewer tracks call for a re-detection"},
-      {"track-median", &O::track_median, 1, 1e6, "frames", "median of the exponential track life"},
-      {"track-max", &O::track_max, 1, 1e6, "frames", "longest track"},
+      {"track-median", &O::track_median, 0.01, 1e6, "s", "median of the exponential track life"},
+      {"track-max", &O::track_max, 0.01, 1e6, "s", "longest track"},
       {"outlier-fraction", &O::outlier_fraction, 0, 1, "", "tracks that are wrong matches or slide"},
       {"moving-objects", &O::moving_objects, 0, 50, "", "other cars at a time, 5 to 10 features each"},
-      {"stale-fraction", &O::stale_fraction, 0, 0.3, "", "frames that repeat the pixels of the frame before"},
+      {"stale-fraction", &O::stale_fraction, 0, 0.3, "",
+       "frames in 0.1 s that repeat the pixels of the frame before"},
       {"strength-spread", &O::strength_spread, 0, 10, "",
        "sigma of the points' log strength; 3: mostly the same are detected"},
       {"ids-return", &O::ids_return, 0, 1, "", "whether a landmark seen again has its old id"},
@@ -143,10 +148,8 @@ void checkDriveOptions(const DriveOptions& options) {
     if (const auto* d = std::get_if<double O::*>(&field.member)) checkRange(field, options.*(*d));
     if (const auto* i = std::get_if<int O::*>(&field.member)) checkRange(field, options.*(*i));
   }
-  const double ratio = options.imuRate() / options.frame_rate;
-  require(ratio > 0.5 && std::abs(ratio - std::round(ratio)) < 1e-9,
-          "option 'imu-rate' is '" + number(options.imu_rate) +
-              "', allowed: whole multiples of frame-rate, " + number(options.frame_rate) + " Hz");
+  require(options.imuRate() >= kLeastRate, "option 'imu-rate' is '" + number(options.imu_rate) +
+                                               "', allowed: 0 or from " + number(kLeastRate) + " Hz");
   require(options.gyro_bias_min <= options.gyro_bias_max,
           "option 'gyro-bias-min' is '" + number(options.gyro_bias_min) +
               "', allowed: up to gyro-bias-max, " + number(options.gyro_bias_max) + " rad/s");

@@ -2,12 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace vi_ekf_slam::simulation {
 namespace {
-
-constexpr std::uint64_t kImuStream = 7, kBiasStream = 8;
 
 DriveOptions checked(const DriveOptions& options) {
   checkDriveOptions(options);
@@ -43,13 +42,13 @@ DriveSimulator::DriveSimulator(const DriveOptions& options)
       scene_(makeScene(options, view_)),
       traffic_(options),
       front_end_(options, view_, *scene_),
-      imu_random_(options.seed, kImuStream),
-      samples_per_frame_(static_cast<std::size_t>(std::lround(options.imuRate() / options.frame_rate))) {
+      imu_random_(options.seed, RandomStream::kImu),
+      now_(stampOf(0, options.frame_rate)) {
   drawBiases();
 }
 
 void DriveSimulator::drawBiases() {
-  Random random(options_.seed, kBiasStream);
+  Random random(options_.seed, RandomStream::kBiases);
   for (int i = 0; i < 3; ++i) {
     const double magnitude = random.sign() * random.uniform(options_.gyro_bias_min, options_.gyro_bias_max);
     const double normal = random.normal() * options_.gyro_bias_sigma;
@@ -58,8 +57,9 @@ void DriveSimulator::drawBiases() {
   velocity_bias_ = options_.velocity_bias_sigma * random.normal3();
 }
 
-Stamp DriveSimulator::sampleStamp(std::size_t sample) const {
-  const double since_start = static_cast<double>(sample) / options_.imuRate();
+/// Of number `index` of what comes at `rate` Hz.
+Stamp DriveSimulator::stampOf(std::size_t index, double rate) const {
+  const double since_start = static_cast<double>(index) / rate;
   // Whole seconds apart from the rest: their product with 1e9 would not fit a double's 53 bits.
   const double whole = std::floor(options_.start_time);
   const Stamp start = fromSeconds(1.0) * static_cast<Stamp>(whole) + fromSeconds(options_.start_time - whole);
@@ -77,26 +77,38 @@ std::optional<DriveStep> DriveSimulator::next() {
   if (progress() >= 1.0) return std::nullopt;
   DriveStep step;
   step.index = index_++;
-  const std::size_t first_sample = step.index * samples_per_frame_;
-  step.stamp = sampleStamp(first_sample);
+  step.stamp = now_;
   step.world_T_imu = motion_->world_T_imu();
   FrontEnd::Result seen = front_end_.process(step.stamp, step.world_T_imu, traffic_.objects());
   step.frame = std::move(seen.frame);
   step.truth = std::move(seen.truth);
   step.stale = seen.stale;
-  for (std::size_t j = first_sample; j < first_sample + samples_per_frame_; ++j) {
-    const Stamp stamp = sampleStamp(j);
-    const double dt = secondsBetween(stamp, sampleStamp(j + 1));
-    const Vector6d twist = motion_->step(dt);
-    traffic_.step(dt, motion_->world_T_imu(), twist);
-    step.true_twist.push_back({stamp, twist});
-    const Eigen::Vector3d gyro = twist.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
-    const Eigen::Vector3d velocity =
-        twist.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
-    step.gyro.push_back({stamp, gyro, covarianceOf(options_.gyro_sigma)});
-    step.velocity.push_back({stamp, velocity, covarianceOf(options_.velocity_sigma)});
+  const Stamp next_frame = stampOf(index_, options_.frame_rate);
+  for (Stamp sample; (sample = stampOf(samples_, options_.imuRate())) < next_frame;) {
+    moveTo(sample);
+    takeSample(step);
   }
+  moveTo(next_frame);
   return step;
+}
+
+void DriveSimulator::moveTo(Stamp stamp) {
+  if (stamp <= now_) return;
+  const double dt = secondsBetween(now_, stamp);
+  motion_->move(dt);
+  traffic_.step(dt, motion_->world_T_imu(), twist_);
+  now_ = stamp;
+}
+
+void DriveSimulator::takeSample(DriveStep& step) {
+  ++samples_;
+  twist_ = motion_->begin(secondsBetween(now_, stampOf(samples_, options_.imuRate())));
+  step.true_twist.push_back({now_, twist_});
+  const Eigen::Vector3d gyro = twist_.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
+  const Eigen::Vector3d velocity =
+      twist_.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
+  step.gyro.push_back({now_, gyro, covarianceOf(options_.gyro_sigma)});
+  step.velocity.push_back({now_, velocity, covarianceOf(options_.velocity_sigma)});
 }
 
 Drive simulateDrive(const DriveOptions& options) {
@@ -117,11 +129,16 @@ Drive simulateDrive(const DriveOptions& options) {
 
 std::vector<Measurement> measurementsOf(const DriveStep& step) {
   std::vector<Measurement> measurements;
-  for (std::size_t j = 0; j < step.gyro.size(); ++j) {
-    measurements.emplace_back(step.gyro[j]);
-    measurements.emplace_back(step.velocity[j]);
-    if (j == 0) measurements.emplace_back(step.frame);
-  }
+  std::size_t j = 0;
+  const auto takeUntil = [&](Stamp last) {
+    for (; j < step.gyro.size() && step.gyro[j].stamp <= last; ++j) {
+      measurements.emplace_back(step.gyro[j]);
+      measurements.emplace_back(step.velocity[j]);
+    }
+  };
+  takeUntil(step.stamp);
+  measurements.emplace_back(step.frame);
+  takeUntil(std::numeric_limits<Stamp>::max());
   return measurements;
 }
 

@@ -6,8 +6,9 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kNoiseStream = 4, kTrackStream = 5, kStaleStream = 6;
-constexpr int kStaleGap = 3; // frames, the least from one stale frame to the next
+constexpr double kStaleGap = 0.3;   // s, the least from one stale frame to the next
+constexpr double kStaleSlot = 0.1;  // s, in which stale_fraction counts
+constexpr double kFirstSlide = 0.1; // s that a sliding track has slid when it is new
 constexpr double kLn2 = 0.6931471805599453;
 constexpr double kLeastRefill = 0.7; // of features_max
 
@@ -18,9 +19,10 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
       view_(view),
       scene_(scene),
       drift_(options),
-      noise_random_(options.seed, kNoiseStream),
-      track_random_(options.seed, kTrackStream),
-      stale_random_(options.seed, kStaleStream) {}
+      noise_random_(options.seed, RandomStream::kPixelNoise),
+      track_random_(options.seed, RandomStream::kTracks),
+      stale_random_(options.seed, RandomStream::kStaleFrames),
+      walk_random_(options.seed, RandomStream::kTrackWalks) {}
 
 FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
                                    const std::vector<MovingObject>& objects) {
@@ -28,11 +30,13 @@ FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
   const SE3 world_T_cam = cam_T_world.inverse();
   const bool first = frames_since_stale_ < 0;
   const bool stale = drawStale();
+  const double dt = first ? 0.0 : secondsBetween(stamp_, stamp);
+  stamp_ = stamp;
   drift_.advance(stamp, world_T_imu);
   std::vector<Track> survivors;
   for (Track& track : tracks_) {
-    if (--track.frames_left < 0) continue;
-    if (stale ? goAstray(track, world_T_cam) : follow(track, cam_T_world, objects))
+    if (stamp >= track.end) continue;
+    if (stale ? goAstray(track, world_T_cam) : follow(track, dt, cam_T_world, objects))
       survivors.push_back(track);
   }
   tracks_ = std::move(survivors);
@@ -51,14 +55,16 @@ FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
   return result;
 }
 
-/// A geometric gap on top of the least one, of mean 1 / stale_fraction in all.
+/// A geometric gap on top of the least one, of mean kStaleSlot / stale_fraction in all.
 bool FrontEnd::drawStale() {
   if (frames_since_stale_ < 0 || options_.stale_fraction <= 0.0) {
     frames_since_stale_ = 0;
     return false;
   }
-  if (++frames_since_stale_ < kStaleGap) return false;
-  const double hazard = 1.0 / (1.0 / options_.stale_fraction - (kStaleGap - 1));
+  const double mean = kStaleSlot * options_.frame_rate / options_.stale_fraction; // frames
+  const double least = std::max(1.0, std::ceil(kStaleGap * options_.frame_rate - 1e-9));
+  if (++frames_since_stale_ < least) return false;
+  const double hazard = 1.0 / (mean - (least - 1.0));
   if (stale_random_.uniform() >= hazard) return false;
   frames_since_stale_ = 0;
   return true;
@@ -74,8 +80,17 @@ StereoPixels FrontEnd::noise() {
   return options_.pixel_sigma * n;
 }
 
+/// What a track strays in `dt` s, px: the patch that is searched for in the left image is the one that was
+/// found there last, and the right image is matched to the left one.
+StereoPixels FrontEnd::walk(double dt) {
+  const double sigma = options_.track_walk * std::sqrt(dt);
+  const double u = sigma * walk_random_.normal(), v = sigma * walk_random_.normal();
+  return {u, v, u, v};
+}
+
 /// Observes the track's point again. False where it is lost.
-bool FrontEnd::follow(Track& track, const SE3& cam_T_world, const std::vector<MovingObject>& objects) {
+bool FrontEnd::follow(Track& track, double dt, const SE3& cam_T_world,
+                      const std::vector<MovingObject>& objects) {
   if (track.car) {
     const auto object = std::find_if(objects.begin(), objects.end(), [&track](const MovingObject& o) {
       return o.present() && o.id == track.car->first;
@@ -86,7 +101,7 @@ bool FrontEnd::follow(Track& track, const SE3& cam_T_world, const std::vector<Mo
   const Eigen::Vector3d p = cam_T_world * (drift_.slide() * (track.birth_inverse * track.truth.world));
   if (!view_.sees(p)) return false;
   if (!track.car && scene_.occluded(cam_T_world.inverse().translation(), track.truth.world)) return false;
-  track.offset += track.slide;
+  track.offset += dt * track.slide + walk(dt);
   const StereoPixels where = view_.rig.camera.project(p) + track.offset;
   if (!view_.contains(where)) return false;
   track.pixels = where + noise();
@@ -169,7 +184,7 @@ void FrontEnd::start(Track track, const SE3& cam_T_world) {
   }
   track.pixels = where + noise();
   const double life = track_random_.exponential() * options_.track_median / kLn2;
-  track.frames_left = static_cast<int>(std::min<double>(options_.track_max - 1, std::floor(life)));
+  track.end = stamp_ + fromSeconds(std::min(options_.track_max, life));
   tracks_.push_back(track);
 }
 
@@ -180,10 +195,10 @@ void FrontEnd::makeOutlier(Track& track) {
     track.offset[2] = track_random_.sign() * track_random_.uniform(8.0, 60.0);
   } else {
     const double angle = track_random_.uniform(0.0, 6.283185307179586),
-                 speed = track_random_.uniform(2.0, 5.0);
+                 speed = track_random_.uniform(20.0, 50.0); // px/s
     const double u = speed * std::cos(angle), v = speed * std::sin(angle);
     track.slide = {u, v, u, v};
-    track.offset = track.slide;
+    track.offset = kFirstSlide * track.slide;
   }
 }
 

@@ -80,6 +80,7 @@ SeedResult runSeed(const Config& config, const DriveOptions& options) {
         dead_reckoning.process(*velocity);
       } else {
         const FrameReport report = estimator->process(step->frame);
+        dead_reckoning.advanceTo(step->stamp);
         const StateEstimate state = estimator->state();
         returns.add(step->frame);
         if (!returns.returned()) yaw.add(state.pose_covariance);

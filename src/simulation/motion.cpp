@@ -6,7 +6,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kMotionStream = 1;
 constexpr double kAcceleration = 1.5;   // m/s^2
 constexpr double kStopTolerance = 0.05; // m
 
@@ -33,7 +32,7 @@ double CarMotion::allowedSpeed() const {
   return speed;
 }
 
-Vector6d CarMotion::step(double dt) {
+Vector6d CarMotion::begin(double dt) {
   if (corner_stop_ > 0.0 && stop_station_ - station_ < kStopTolerance) {
     rest_ = corner_stop_;
     corner_stop_ = 0.0;
@@ -41,26 +40,31 @@ Vector6d CarMotion::step(double dt) {
   }
   if (rest_ > 1e-9) {
     rest_ -= dt;
-    return Vector6d::Zero();
+    twist_.setZero();
+    return twist_;
   }
   speed_ = std::min(speed_ + kAcceleration * dt, allowedSpeed());
+  const SE3 next = world_T_path_ * path_.path_T_imu(station_ + speed_ * dt);
+  twist_ = (world_T_imu_.inverse() * next).Log() / dt;
+  return twist_;
+}
+
+void CarMotion::move(double dt) {
+  if (twist_.isZero(0.0)) return;
   station_ += speed_ * dt;
-  const SE3 next = world_T_path_ * path_.path_T_imu(station_);
-  const Vector6d twist = (world_T_imu_.inverse() * next).Log() / dt;
-  world_T_imu_ = next.normalized();
-  return twist;
+  world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * twist_)).normalized();
 }
 
 ProcessMotion::ProcessMotion(const DriveOptions& options)
-    : random_(options.seed, kMotionStream), nominal_(Vector6d::Zero()), decay_(options.twist_decay) {
+    : random_(options.seed, RandomStream::kMotion), nominal_(Vector6d::Zero()), decay_(options.twist_decay) {
   nominal_[0] = options.speed;
   twist_ = nominal_;
   noise_ << options.noise_forward, options.noise_lateral, options.noise_vertical, options.noise_rotation,
       options.noise_rotation, options.noise_rotation;
 }
 
-Vector6d ProcessMotion::step(double dt) {
-  const Vector6d twist = twist_, deviation = twist_ - nominal_;
+void ProcessMotion::move(double dt) {
+  const Vector6d deviation = twist_ - nominal_;
   Vector6d change, mean_change; // w2 and w1
   for (int i = 0; i < 6; ++i) {
     change[i] = noise_[i] * std::sqrt(dt) * random_.normal();
@@ -72,7 +76,6 @@ Vector6d ProcessMotion::step(double dt) {
   world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * mean_twist)).normalized();
   distance_ += mean_twist.head<3>().norm() * dt;
   twist_ = nominal_ + (1.0 - lost) * deviation + change;
-  return twist;
 }
 
 } // namespace vi_ekf_slam::simulation

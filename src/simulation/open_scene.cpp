@@ -5,13 +5,12 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kOpenSceneStream = 2;
 constexpr int kTriesPerPoint = 20; // near points fail only where their right pixel leaves the image
 
 } // namespace
 
 OpenScene::OpenScene(const DriveOptions& options, const View& view)
-    : view_(view), random_(options.seed, kOpenSceneStream) {}
+    : view_(view), random_(options.seed, RandomStream::kScene) {}
 
 std::vector<ScenePoint> OpenScene::detect(const SE3& world_T_cam, std::size_t count,
                                           const std::vector<std::uint64_t>& /*taken*/) {

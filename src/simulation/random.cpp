@@ -18,7 +18,8 @@ constexpr double kTwoPi = 6.283185307179586;
 
 } // namespace
 
-Random::Random(std::uint64_t seed, std::uint64_t stream) : engine_(mix(mix(seed) + stream)) {}
+Random::Random(std::uint64_t seed, RandomStream stream)
+    : engine_(mix(mix(seed) + static_cast<std::uint64_t>(stream))) {}
 
 double Random::uniform() { return static_cast<double>(engine_() >> 11) * 0x1.0p-53; }
 

@@ -7,7 +7,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kStreetStream = 2, kStrengthStream = 9;
 constexpr double kFacade = 9.0;         // m from the path to the houses on either side
 constexpr double kBeyond = 130.0;       // m that a street runs on beyond a corner
 constexpr double kPointsPerMetre = 6.0; // of a facade
@@ -34,12 +33,12 @@ bool crossesBox(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double hx, d
 StreetScene::StreetScene(const DriveOptions& options, const View& view)
     : path_(options.block_length, options.block_width),
       view_(view),
-      random_(options.seed, kStreetStream),
+      random_(options.seed, RandomStream::kScene),
       path_T_world_(path_.path_T_imu(0.0)) {
   addFacades();
   addStreetsBeyond();
   addFurniture();
-  Random random(options.seed, kStrengthStream);
+  Random random(options.seed, RandomStream::kStrengths);
   for (std::size_t i = 0; i < points_.size(); ++i)
     strengths_.push_back(std::exp(options.strength_spread * random.normal()));
 }

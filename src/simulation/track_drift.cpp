@@ -7,7 +7,6 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kDriftStream = 9;
 constexpr double kTimeConstant = 0.5; // s
 
 Vector6d normal6(Random& random) {
@@ -18,7 +17,7 @@ Vector6d normal6(Random& random) {
 
 } // namespace
 
-TrackDrift::TrackDrift(const DriveOptions& options) : random_(options.seed, kDriftStream) {
+TrackDrift::TrackDrift(const DriveOptions& options) : random_(options.seed, RandomStream::kTrackDrift) {
   density_ << Eigen::Vector3d::Constant(options.drift_position),
       Eigen::Vector3d::Constant(options.drift_rotation);
 }

@@ -5,14 +5,13 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kTrafficStream = 3;
 constexpr double kLongestAbsence = 8.0; // s
 constexpr double kGround = -0.93;       // m, height of the street in the IMU frame
 constexpr double kOtherLane = 3.5;      // m to the left
 
 } // namespace
 
-Traffic::Traffic(const DriveOptions& options) : random_(options.seed, kTrafficStream) {
+Traffic::Traffic(const DriveOptions& options) : random_(options.seed, RandomStream::kTraffic) {
   objects_.resize(static_cast<std::size_t>(options.moving_objects));
   for (MovingObject& object : objects_) object.absent = random_.uniform(0.0, kLongestAbsence);
 }

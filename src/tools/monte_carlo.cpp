@@ -1,9 +1,11 @@
 /// Consistency study: many simulated drives in, tables out. See kMonteCarloHelp.
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <iostream>
+#include <sstream>
 
 #include "monte_carlo_options.hpp"
 #include "monte_carlo_report.hpp"
@@ -29,21 +31,42 @@ bool plot(const std::string& directory) {
   return child > 0 && waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
+std::string folderOf(const MonteCarloOptions& options, const simulation::DriveOptions& drive) {
+  if (!options.comparesRates()) return options.output;
+  std::ostringstream folder;
+  folder << options.output << "/frames_" << drive.frame_rate << "_imu_" << drive.imuRate();
+  return folder.str();
+}
+
 int run(const MonteCarloOptions& options) {
   const Config config = loadFullConfig(options.config).core;
   RunWriter::makeDirectory(options.output);
+  const std::vector<simulation::DriveOptions> drives = drivesOf(options);
+  std::vector<RateStudy> studies;
   Progress progress(!options.quiet);
   progress.show(0.0);
-  const auto results = simulation::runSeeds(
-      config, options.drive, options.first_seed, options.seeds, options.jobs, [&](std::size_t done) {
-        progress.show(static_cast<double>(done) / static_cast<double>(options.seeds));
-      });
+  const double all = static_cast<double>(options.seeds * drives.size());
+  for (const simulation::DriveOptions& drive : drives) {
+    const double before = static_cast<double>(options.seeds * studies.size());
+    studies.push_back(
+        {drive, simulation::runSeeds(
+                    config, drive, options.first_seed, options.seeds, options.jobs,
+                    [&](std::size_t done) { progress.show((before + static_cast<double>(done)) / all); })});
+    const std::string folder = folderOf(options, drive);
+    RunWriter::makeDirectory(folder);
+    writeMonteCarlo(folder, studies.back().results);
+  }
   progress.finish();
-  writeMonteCarlo(options.output, results);
-  if (!options.quiet) std::cout << monteCarloSummary(results) << "results in " << options.output << std::endl;
+  if (options.comparesRates()) writeRates(options.output, studies);
+  if (!options.quiet) {
+    std::cout << (options.comparesRates() ? ratesSummary(studies)
+                                          : monteCarloSummary(studies.front().results))
+              << "results in " << options.output << std::endl;
+  }
   if (options.plot && !plot(options.output))
     std::cerr << "monte_carlo: rosrun vi_ekf_slam plot_monte_carlo.py failed; nothing is drawn" << std::endl;
-  if (!options.check || neesWithin(results, *options.check)) return kOk;
+  const auto within = [&](const RateStudy& study) { return neesWithin(study.results, *options.check); };
+  if (!options.check || std::all_of(studies.begin(), studies.end(), within)) return kOk;
   std::cerr << "monte_carlo: the mean pose NEES leaves the bounds " << options.check->first << " to "
             << options.check->second << std::endl;
   return kOutOfBounds;

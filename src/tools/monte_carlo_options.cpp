@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <sstream>
 #include <thread>
 #include <vector>
 
@@ -28,6 +29,8 @@ drift_rotation) and as they do on real drives; --set drift-position=0 --set drif
   --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match: the
                        default filter's own model                                [car]
   --set OPTION=VALUE   an option of the drive ('simulate_drive --help' lists them); may be given often
+  --frame-rates LIST   Hz, as in 5,10,30: a study of each pair of rates with a table of them all, rates.csv in DIR and
+  --imu-rates LIST     the other files in a folder a pair; a list that is left out has the drive's own rate
   --jobs N             threads; results do not depend on it                      [2, or 1 on one core]
   --check LOW,HIGH     exit with 3 when the mean pose NEES at a check point leaves these bounds
   --plot               draw monte_carlo.png into DIR (plot_monte_carlo.py DIR does it afterwards)
@@ -61,6 +64,22 @@ std::pair<double, double> bounds(const std::string& text) {
   return {low, high};
 }
 
+/// The numbers of a list with commas, each of them one that the option `name` of a drive may have.
+std::vector<double> rates(const std::string& option, const std::string& name, const std::string& text) {
+  std::vector<double> all;
+  std::istringstream in(text + ",");
+  for (std::string word; std::getline(in, word, ',');) {
+    simulation::DriveOptions parsed;
+    try {
+      setDriveOption(parsed, name, word);
+    } catch (const std::invalid_argument& e) {
+      throw MonteCarloUsageError(option + ": " + e.what());
+    }
+    all.push_back(name == "frame-rate" ? parsed.frame_rate : parsed.imu_rate);
+  }
+  return all;
+}
+
 void set(simulation::DriveOptions& drive, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos)
@@ -91,6 +110,10 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
       options.jobs = static_cast<unsigned>(wholeNumber(name, value, 1, 1000));
     else if (name == "--check")
       options.check = bounds(value);
+    else if (name == "--frame-rates")
+      options.frame_rates = rates(name, "frame-rate", value);
+    else if (name == "--imu-rates")
+      options.imu_rates = rates(name, "imu-rate", value);
     else if (name == "--motion")
       motion = value;
     else if (name == "--set")
@@ -124,10 +147,29 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
     options.drive = simulation::studyOptions(parsed.motion);
     for (const std::string& assignment : assignments) set(options.drive, assignment);
     checkDriveOptions(options.drive);
+    for (const simulation::DriveOptions& drive : drivesOf(options)) checkDriveOptions(drive);
   } catch (const std::invalid_argument& e) {
     throw MonteCarloUsageError(e.what());
   }
+  if (options.plot && options.comparesRates())
+    throw MonteCarloUsageError(
+        "--plot draws one study; plot_monte_carlo.py draws each folder of a comparison of rates");
   return options;
+}
+
+std::vector<simulation::DriveOptions> drivesOf(const MonteCarloOptions& options) {
+  const auto listed = [](const std::vector<double>& rates, double own) {
+    return rates.empty() ? std::vector<double>{own} : rates;
+  };
+  std::vector<simulation::DriveOptions> drives;
+  for (const double frame_rate : listed(options.frame_rates, options.drive.frame_rate)) {
+    for (const double imu_rate : listed(options.imu_rates, options.drive.imu_rate)) {
+      drives.push_back(options.drive);
+      drives.back().frame_rate = frame_rate;
+      drives.back().imu_rate = imu_rate;
+    }
+  }
+  return drives;
 }
 
 } // namespace vi_ekf_slam

@@ -49,6 +49,24 @@ PoseNees meanNees(const std::vector<SeedResult>& results, double share) {
   return mean;
 }
 
+/// What is said of a study in a line.
+struct RateFigures {
+  std::vector<double> nees; ///< of the pose, at the check points
+  double nis_per_dof = 0.0, position_rmse = 0.0, dead_reckoning_rmse = 0.0;
+};
+
+RateFigures figuresOf(const RateStudy& study) {
+  RateFigures figures;
+  for (const double share : simulation::kCheckPoints)
+    figures.nees.push_back(meanNees(study.results, share).pose);
+  figures.nis_per_dof = frameMean(study.results, [](const SeedResult& r) { return nisPerDof(r); });
+  figures.position_rmse =
+      frameMean(study.results, [](const SeedResult& r) { return rmse(r, &FrameErrors::position); });
+  figures.dead_reckoning_rmse =
+      frameMean(study.results, [](const SeedResult& r) { return rmse(r, &FrameErrors::dead_reckoning); });
+  return figures;
+}
+
 std::string seedsCsv(const std::vector<SeedResult>& results) {
   std::string text =
       "seed,frames,nis_per_dof,yaw_variance_fall,position_rmse,dead_reckoning_rmse,final_position_error,"
@@ -135,6 +153,35 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
                  frameMean(results, [](const SeedResult& r) { return r.frames.back().dead_reckoning; }));
   text += format("frames rejected              %zu\n", rejected);
   return text;
+}
+
+std::string ratesSummary(const std::vector<RateStudy>& studies) {
+  const std::size_t seeds = studies.front().results.size();
+  const auto [low, high] = simulation::chiSquareMeanBounds(6.0, static_cast<double>(seeds));
+  std::string text =
+      format("%zu seeds, mean pose NEES (expected 6.00, 95 %% bounds %.2f-%.2f)\n", seeds, low, high);
+  text += "  frames Hz  imu Hz      25 %      50 %      75 %     100 %   NIS/dof  RMSE m  dead reckoning m\n";
+  for (const RateStudy& study : studies) {
+    const RateFigures figures = figuresOf(study);
+    text += format("  %9g %7g ", study.drive.frame_rate, study.drive.imuRate());
+    for (const double nees : figures.nees) text += format(" %9.2f", nees);
+    text += format("  %8.3f %7.2f  %16.2f\n", figures.nis_per_dof, figures.position_rmse,
+                   figures.dead_reckoning_rmse);
+  }
+  return text;
+}
+
+void writeRates(const std::string& directory, const std::vector<RateStudy>& studies) {
+  std::string text =
+      "frame_rate,imu_rate,nees_25,nees_50,nees_75,nees_100,nis_per_dof,position_rmse,dead_reckoning_rmse\n";
+  for (const RateStudy& study : studies) {
+    const RateFigures figures = figuresOf(study);
+    text += format("%g,%g", study.drive.frame_rate, study.drive.imuRate());
+    for (const double nees : figures.nees) text += format(",%.6g", nees);
+    text +=
+        format(",%.6g,%.6g,%.6g\n", figures.nis_per_dof, figures.position_rmse, figures.dead_reckoning_rmse);
+  }
+  writeFile(directory + "/rates.csv", text);
 }
 
 bool neesWithin(const std::vector<SeedResult>& results, const std::pair<double, double>& bounds) {

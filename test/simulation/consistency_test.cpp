@@ -23,7 +23,7 @@ SE3 farPose() { return SE3::Exp((Vector6d() << 120, -40, 6, 0.3, -0.2, 2.0).fini
 /// A covariance with strong correlations; standard deviations of `size` m and 0.01 `size` rad in order of
 /// magnitude.
 Matrix6d covariance(double size) {
-  Random random(3, 1);
+  Random random(3, RandomStream::kMotion);
   Matrix6d A;
   for (int i = 0; i < 6; ++i) A.col(i) = normal6(random);
   A.bottomRows<3>() *= 0.01;
@@ -38,7 +38,7 @@ SE3 drawTruth(const StateEstimate& state, Random& random) {
 }
 
 PoseNees meanNees(const StateEstimate& state, int draws) {
-  Random random(5, 2);
+  Random random(5, RandomStream::kScene);
   PoseNees mean;
   for (int i = 0; i < draws; ++i) {
     const PoseNees nees = poseNees(drawTruth(state, random), state);
@@ -91,7 +91,7 @@ TEST(PoseNees, TellsAnOverconfidentCovariance) {
   StateEstimate drawn;
   drawn.world_T_imu = farPose();
   drawn.pose_covariance = covariance(0.05);
-  Random random(7, 1);
+  Random random(7, RandomStream::kMotion);
   StateEstimate claimed = drawn;
   claimed.pose_covariance *= 0.25;
   double mean = 0.0;

@@ -59,6 +59,10 @@ TEST(DriveOptions, ABadValueIsNamedWithItsRange) {
 
 TEST(DriveOptions, ContradictionsAreNamed) {
   EXPECT_EQ(messageOf([] { checkDriveOptions({}); }), "");
+  DriveOptions of_any_rates;
+  of_any_rates.frame_rate = 30.0;
+  of_any_rates.imu_rate = 400.0;
+  EXPECT_EQ(messageOf([&] { checkDriveOptions(of_any_rates); }), "");
   const auto check = [](const std::function<void(DriveOptions&)>& change) {
     return messageOf([&change] {
       DriveOptions options;
@@ -66,7 +70,7 @@ TEST(DriveOptions, ContradictionsAreNamed) {
       checkDriveOptions(options);
     });
   };
-  EXPECT_NE(check([](auto& o) { o.imu_rate = 25.0; }).find("'imu-rate' is '25'"), std::string::npos);
+  EXPECT_NE(check([](auto& o) { o.imu_rate = 0.25; }).find("'imu-rate' is '0.25'"), std::string::npos);
   EXPECT_NE(check([](auto& o) { o.gyro_bias_min = 0.5; }).find("'gyro-bias-min'"), std::string::npos);
   EXPECT_NE(check([](auto& o) { o.features_min = 200; }).find("'features-min'"), std::string::npos);
   EXPECT_NE(check([](auto& o) { o.min_depth = 60.0, o.max_depth = 50.0; }).find("'min-depth'"),

@@ -111,8 +111,17 @@ TEST(Features, LieInsideBothImagesAndTheDepthRange) {
   });
 }
 
-TEST(Features, NumbersResembleTheRealDrives) {
-  const Drive drive = simulateDrive(DriveOptions());
+class Rates : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Features, Rates, testing::Values(5.0, 10.0, 30.0));
+
+DriveOptions atRate(double frame_rate) {
+  DriveOptions options;
+  options.frame_rate = frame_rate;
+  return options;
+}
+
+TEST_P(Rates, NumbersResembleTheRealDrives) {
+  const Drive drive = simulateDrive(atRate(GetParam()));
   std::vector<std::size_t> counts;
   std::map<FeatureId, int> lengths;
   for (const DriveStep& step : drive.steps) {
@@ -126,8 +135,95 @@ TEST(Features, NumbersResembleTheRealDrives) {
   EXPECT_GE(counts.front(), 15u);
   EXPECT_NEAR(static_cast<double>(counts[counts.size() / 2]), 68.0, 12.0);
   EXPECT_LE(counts.back(), 130u);
-  EXPECT_NEAR(tracks[tracks.size() / 2], 11, 2);
-  EXPECT_LE(tracks.back(), drive.options.track_max);
+  EXPECT_NEAR(tracks[tracks.size() / 2] / GetParam(), 1.1, 0.2); // s
+  EXPECT_LE(tracks.back() / GetParam(), drive.options.track_max + 1e-9);
+}
+
+TEST_P(Rates, StaleFramesAreAsManyInASecond) {
+  DriveOptions options = atRate(GetParam());
+  options.features_max = 20;
+  options.features_min = 5;
+  options.laps = 10.0;
+  double stale = 0.0, last = -1e9, least = 1e9; // s
+  const Drive drive = simulateDrive(options);
+  for (const DriveStep& step : drive.steps) {
+    if (!step.stale) continue;
+    const double now = static_cast<double>(step.index) / GetParam();
+    least = std::min(least, now - last);
+    last = now;
+    stale += 1.0;
+  }
+  const double expected =
+      10.0 * options.stale_fraction * static_cast<double>(drive.steps.size()) / GetParam();
+  EXPECT_NEAR(stale, expected, 4.0 * std::sqrt(expected));
+  EXPECT_GE(least, 0.3 - 1e-9);
+}
+
+/// How fast the outliers of `drive` that are not wrong in the right image alone leave their points, px/s.
+std::vector<double> slideSpeeds(const Drive& drive) {
+  std::map<FeatureId, std::pair<std::size_t, StereoPixels>> last;
+  std::vector<double> speeds;
+  forEachObservation(drive, ObservationKind::kOutlier, [&](const DriveStep& step, std::size_t i) {
+    const StereoPixels off = residual(drive, step, i);
+    const FeatureId id = step.frame.features[i].id;
+    const auto old = last.find(id);
+    if (std::abs(off[0] - off[2]) < 1e-6 && old != last.end() && old->second.first + 1 == step.index)
+      speeds.push_back((off - old->second.second).head<2>().norm() * drive.options.frame_rate);
+    last[id] = {step.index, off};
+  });
+  return speeds;
+}
+
+TEST_P(Rates, SlidingTracksSlideAsFarInASecond) {
+  DriveOptions options = atRate(GetParam());
+  options.outlier_fraction = 0.3;
+  options.pixel_sigma = 0.0;
+  const std::vector<double> speeds = slideSpeeds(simulateDrive(options));
+  ASSERT_GT(speeds.size(), 200u);
+  EXPECT_GE(*std::min_element(speeds.begin(), speeds.end()), 20.0 - 1e-6);
+  EXPECT_LE(*std::max_element(speeds.begin(), speeds.end()), 50.0 + 1e-6);
+}
+
+TEST_P(Rates, TracksWalkByTheirDensityInBothImagesAlike) {
+  DriveOptions options = atRate(GetParam());
+  options.track_walk = 0.5;
+  options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
+  const Drive drive = simulateDrive(options);
+  std::map<FeatureId, std::pair<std::size_t, Eigen::Vector2d>> born;
+  double squares = 0.0, crossed = 0.0, n = 0.0, worst_new = 0.0, worst_split = 0.0;
+  forEachObservation(drive, ObservationKind::kStatic, [&](const DriveStep& step, std::size_t i) {
+    const StereoPixels off = residual(drive, step, i);
+    worst_split = std::max(worst_split, (off.head<2>() - off.tail<2>()).norm());
+    const auto birth = born.emplace(step.frame.features[i].id, std::make_pair(step.index, off.head<2>()));
+    if (birth.second) worst_new = std::max(worst_new, off.norm());
+    const double age = static_cast<double>(step.index - birth.first->second.first) / GetParam();
+    if (age < 0.9 || age > 1.1) return; // s
+    squares += 0.5 * off.head<2>().squaredNorm() / age;
+    crossed += off[0] * off[1] / age;
+    n += 1.0;
+  });
+  ASSERT_GT(n, 300.0);
+  EXPECT_LT(worst_new, 1e-6);
+  EXPECT_LT(worst_split, 1e-6);
+  EXPECT_NEAR(squares / n, 0.25, 0.03);
+  EXPECT_NEAR(crossed / n, 0.0, 0.03);
+}
+
+TEST(Features, OneTrackWalksWithoutTheOthers) {
+  DriveOptions options;
+  options.track_walk = 0.5;
+  options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
+  const Drive drive = simulateDrive(options);
+  double together = 0.0, alone = 0.0;
+  for (const DriveStep& step : drive.steps) {
+    StereoPixels sum = StereoPixels::Zero();
+    for (std::size_t i = 0; i < step.truth.size(); ++i) {
+      sum += residual(drive, step, i);
+      alone += residual(drive, step, i).squaredNorm();
+    }
+    together += sum.squaredNorm();
+  }
+  EXPECT_NEAR(together / alone, 1.0, 0.5); // some 68 if all walked as one
 }
 
 TEST(StaleFrames, RepeatEverySurvivorBitForBitAndNoOtherFrameDoes) {

@@ -61,9 +61,13 @@ TEST(MonteCarlo, ADeadReckoningEstimatorIsDeadReckoning) {
 TEST(MonteCarlo, ErrorsVanishWithTheNoise) {
   DriveOptions options = shortDrive();
   options.velocity_sigma = options.gyro_sigma = options.gyro_bias_min = options.gyro_bias_max = 0.0;
-  for (const FrameErrors& frame : runSeed(deadReckoning(), options).frames) {
-    EXPECT_LT(frame.position, 1e-9);
-    EXPECT_LT(frame.nees.pose, 1e-9);
+  for (const double imu_rate : {0.0, 4.0, 100.0}) {
+    options.imu_rate = imu_rate;
+    for (const FrameErrors& frame : runSeed(deadReckoning(), options).frames) {
+      EXPECT_LT(frame.position, 1e-9);
+      EXPECT_LT(frame.dead_reckoning, 1e-9);
+      EXPECT_LT(frame.nees.pose, 1e-9);
+    }
   }
 }
 

@@ -21,12 +21,15 @@ double deadReckoningError(const DriveOptions& options) {
   DeadReckoning dead_reckoning;
   double worst = 0.0;
   for (const DriveStep& step : simulateDrive(options).steps) {
-    dead_reckoning.process(step.gyro.front());
-    dead_reckoning.process(step.velocity.front());
-    worst = std::max(worst, distance(dead_reckoning.pose(), step.world_T_imu));
-    for (std::size_t j = 1; j < step.gyro.size(); ++j) {
-      dead_reckoning.process(step.gyro[j]);
-      dead_reckoning.process(step.velocity[j]);
+    for (const Measurement& measurement : measurementsOf(step)) {
+      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+        dead_reckoning.process(*gyro);
+      } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
+        dead_reckoning.process(*velocity);
+      } else {
+        dead_reckoning.advanceTo(step.stamp);
+        worst = std::max(worst, distance(dead_reckoning.pose(), step.world_T_imu));
+      }
     }
   }
   return worst;
@@ -46,8 +49,28 @@ TEST(Motion, NoiseFreeSamplesDeadReckonToTheCarsTruth) {
   options.corner_stop = 1.0;
   EXPECT_LT(deadReckoningError(options), 1e-9);
   options.duration = 30.0;
+  for (const double frame_rate : {5.0, 10.0, 30.0}) {
+    for (const double imu_rate : {10.0, 100.0, 400.0}) {
+      options.frame_rate = frame_rate;
+      options.imu_rate = imu_rate;
+      EXPECT_LT(deadReckoningError(options), 1e-9) << frame_rate << ", " << imu_rate;
+    }
+  }
+}
+
+TEST(Motion, TheCarTakesNoNoticeOfItsCamera) {
+  DriveOptions options;
+  options.duration = 30.0;
   options.imu_rate = 100.0;
-  EXPECT_LT(deadReckoningError(options), 1e-9);
+  options.frame_rate = 5.0;
+  const Drive slow = simulateDrive(options);
+  options.frame_rate = 30.0;
+  const Drive fast = simulateDrive(options);
+  ASSERT_EQ(fast.steps.size(), 6 * slow.steps.size());
+  for (std::size_t k = 0; k < slow.steps.size(); ++k) {
+    ASSERT_EQ(slow.steps[k].stamp, fast.steps[6 * k].stamp);
+    ASSERT_LT(distance(slow.steps[k].world_T_imu, fast.steps[6 * k].world_T_imu), 1e-9) << k;
+  }
 }
 
 // Held samples miss what the twist does within a step: the position by sums of q sqrt(dt^3 / 3) a step.
@@ -228,6 +251,29 @@ TEST(Samples, StampsStartAndStepAsTold) {
     ASSERT_EQ(step.gyro.size(), 3u);
     EXPECT_EQ(step.gyro.front().stamp, expected);
     EXPECT_EQ(step.velocity.back().stamp, expected + 66666667);
+  }
+}
+
+TEST(Samples, KeepTheirRateWhateverThatOfTheFrames) {
+  for (const double frame_rate : {5.0, 10.0, 30.0}) {
+    for (const double imu_rate : {10.0, 100.0, 400.0}) {
+      DriveOptions options;
+      options.duration = 3.0;
+      options.frame_rate = frame_rate;
+      options.imu_rate = imu_rate;
+      const Drive drive = simulateDrive(options);
+      std::size_t samples = 0;
+      for (const DriveStep& step : drive.steps) {
+        for (std::size_t j = 0; j < step.gyro.size(); ++j, ++samples) {
+          const double since_start = secondsBetween(drive.steps.front().stamp, step.gyro[j].stamp);
+          ASSERT_NEAR(since_start, static_cast<double>(samples) / imu_rate, 1e-9);
+          ASSERT_EQ(step.velocity[j].stamp, step.gyro[j].stamp);
+          ASSERT_GE(step.gyro[j].stamp, step.stamp);
+          ASSERT_LT(secondsBetween(step.stamp, step.gyro[j].stamp), 1.0 / frame_rate + 1e-9);
+        }
+      }
+      EXPECT_EQ(samples, static_cast<std::size_t>(3.0 * imu_rate)) << frame_rate;
+    }
   }
 }
 

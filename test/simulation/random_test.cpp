@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
+#include <vector>
 
 namespace vi_ekf_slam::simulation {
 namespace {
@@ -26,7 +28,7 @@ Moments momentsOf(Draw draw) {
 }
 
 TEST(Random, NormalHasZeroMeanUnitVarianceAndKurtosisThree) {
-  Random random(1, 0);
+  Random random(1, RandomStream::kMotion);
   const Moments m = momentsOf([&random] { return random.normal(); });
   EXPECT_NEAR(m.mean, 0.0, 4.0 / std::sqrt(kDraws));
   EXPECT_NEAR(m.variance, 1.0, 4.0 * std::sqrt(2.0 / kDraws));
@@ -34,7 +36,7 @@ TEST(Random, NormalHasZeroMeanUnitVarianceAndKurtosisThree) {
 }
 
 TEST(Random, UniformFillsItsInterval) {
-  Random random(2, 0);
+  Random random(2, RandomStream::kMotion);
   double low = 1e9, high = -1e9;
   const Moments m = momentsOf([&] {
     const double x = random.uniform(-1.0, 3.0);
@@ -49,14 +51,14 @@ TEST(Random, UniformFillsItsInterval) {
 }
 
 TEST(Random, ExponentialHasMeanAndVarianceOne) {
-  Random random(3, 0);
+  Random random(3, RandomStream::kMotion);
   const Moments m = momentsOf([&random] { return random.exponential(); });
   EXPECT_NEAR(m.mean, 1.0, 0.02);
   EXPECT_NEAR(m.variance, 1.0, 0.05);
 }
 
 TEST(Random, IntegersReachBothEndsAndNothingBeyond) {
-  Random random(4, 0);
+  Random random(4, RandomStream::kMotion);
   int count[3] = {0, 0, 0};
   for (int i = 0; i < 3000; ++i) {
     const int n = random.integer(5, 7);
@@ -68,11 +70,28 @@ TEST(Random, IntegersReachBothEndsAndNothingBeyond) {
 }
 
 TEST(Random, SeedAndStreamDetermineTheNumbers) {
-  Random a(5, 1), same(5, 1), other_seed(6, 1), other_stream(5, 2);
+  Random a(5, RandomStream::kMotion), same(5, RandomStream::kMotion), other_seed(6, RandomStream::kMotion),
+      other_stream(5, RandomStream::kScene);
   const double x = a.normal();
   EXPECT_EQ(x, same.normal());
   EXPECT_NE(x, other_seed.normal());
   EXPECT_NE(x, other_stream.normal());
+}
+
+TEST(Random, StreamsOfASeedAreUnrelated) {
+  constexpr int kStreams = static_cast<int>(RandomStream::kLast);
+  constexpr int kNumbers = 2000;
+  std::vector<std::vector<double>> drawn(kStreams + 1);
+  for (int s = 1; s <= kStreams; ++s) {
+    Random random(5, static_cast<RandomStream>(s));
+    for (int i = 0; i < kNumbers; ++i) drawn[s].push_back(random.normal());
+  }
+  for (int a = 1; a <= kStreams; ++a) {
+    for (int b = 1; b < a; ++b) {
+      const double product = std::inner_product(drawn[a].begin(), drawn[a].end(), drawn[b].begin(), 0.0);
+      EXPECT_LT(std::abs(product / kNumbers), 5.0 / std::sqrt(kNumbers)) << a << ", " << b;
+    }
+  }
 }
 
 } // namespace

@@ -19,7 +19,7 @@ namespace {
 constexpr double kPosition = 0.02, kRotation = 0.001; // m/m^0.5, rad/m^0.5
 
 /// Where the car is after `frame` tenths of a second: 9 m/s along a bend, with speed `factor` times that.
-SE3 poseAt(int frame, double factor = 1.0) {
+SE3 poseAt(double frame, double factor = 1.0) {
   return SE3::Exp((Vector6d() << 0.9, 0.0, 0.0, 0.0, 0.0, 0.002).finished() * (factor * frame));
 }
 
@@ -72,6 +72,21 @@ TEST(TrackDrift, ShiftsByItsDensityOverTheDistance) {
   EXPECT_NEAR(moments.topLeftCorner(3, 3).trace() / 3.0, expected, 0.12 * expected);
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(moments(i, i), expected, 0.25 * expected) << i;
   EXPECT_EQ(moments.bottomRightCorner(3, 3).cwiseAbs().maxCoeff(), 0.0);
+}
+
+TEST(TrackDrift, ShiftsAsFarAtAnyFrameRate) {
+  constexpr int kSlides = 500;
+  const double expected = kPosition * kPosition * 0.9 * kFrames;
+  for (const double rate : {5.0, 30.0}) {
+    double sum = 0.0;
+    for (int seed = 1; seed <= kSlides; ++seed) {
+      TrackDrift drift(driftOptions(kPosition, 0.0, static_cast<std::uint64_t>(seed)));
+      for (int k = 0; k <= 0.1 * kFrames * rate; ++k)
+        drift.advance(fromSeconds(100.0 + k / rate), poseAt(10.0 * k / rate));
+      sum += drift.slide().translation().squaredNorm() / 3.0 / kSlides;
+    }
+    EXPECT_NEAR(sum, expected, 0.12 * expected) << rate;
+  }
 }
 
 TEST(TrackDrift, TurnsByItsDensityOverTheDistance) {

@@ -50,6 +50,21 @@ TEST(MonteCarloOptions, MotionComesBeforeWhatIsSetWhateverTheOrder) {
   EXPECT_GT(parse({}).drive.outlier_fraction, 0.0);
 }
 
+TEST(MonteCarloOptions, RatesArePaired) {
+  const MonteCarloOptions options = parse({"--frame-rates", "5,30", "--imu-rates", "10,100,400"});
+  const std::vector<simulation::DriveOptions> drives = drivesOf(options);
+  ASSERT_EQ(drives.size(), 6u);
+  EXPECT_EQ(drives[0].frame_rate, 5.0);
+  EXPECT_EQ(drives[0].imu_rate, 10.0);
+  EXPECT_EQ(drives[5].frame_rate, 30.0);
+  EXPECT_EQ(drives[5].imu_rate, 400.0);
+  const auto one_list = drivesOf(parse({"--imu-rates=100", "--set", "frame-rate=20"}));
+  ASSERT_EQ(one_list.size(), 1u);
+  EXPECT_EQ(one_list[0].frame_rate, 20.0);
+  EXPECT_EQ(one_list[0].imu_rate, 100.0);
+  EXPECT_EQ(drivesOf(parse({"--set", "frame-rate=20"})).size(), 1u);
+}
+
 TEST(MonteCarloOptions, RefuseWhatCannotBe) {
   const std::vector<std::vector<const char*>> refused = {{"--seeds", "0"},
                                                          {"--seeds", "-1"},
@@ -65,6 +80,12 @@ TEST(MonteCarloOptions, RefuseWhatCannotBe) {
                                                          {"--check", "7,5"},
                                                          {"--check", "5,7x"},
                                                          {"--check", ","},
+                                                         {"--frame-rates", ""},
+                                                         {"--frame-rates", "5,"},
+                                                         {"--frame-rates", "5,x"},
+                                                         {"--frame-rates", "0"},
+                                                         {"--imu-rates", "10,0.1"},
+                                                         {"--imu-rates", "10", "--plot"},
                                                          {"--nothing", "1"},
                                                          {"stray"},
                                                          {"--motion", "process", "--set", "ids-return=true"}};
@@ -84,6 +105,21 @@ TEST(MonteCarloReport, BoundsHoldForTheMeanAtEveryCheckPoint) {
   EXPECT_TRUE(neesWithin(results, {5.9, 6.1}));
   results[0].frames[100].nees.pose = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(neesWithin(results, {0.0, 1e9}));
+}
+
+TEST(MonteCarloReport, RatesHaveARowEach) {
+  std::vector<RateStudy> studies(2);
+  studies[0].drive.frame_rate = 30.0;
+  studies[0].drive.imu_rate = 400.0;
+  studies[0].results = {driveOf(4.0), driveOf(9.0)};
+  studies[1].drive.imu_rate = 0.0; // as the frames
+  studies[1].results = {driveOf(7.25), driveOf(7.25)};
+  studies[1].results[0].frames[100].nees.pose = 9.25;
+  const std::string text = ratesSummary(studies);
+  EXPECT_NE(text.find("       30     400       6.50      6.50      6.50      6.50"), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("       10      10       7.25      7.25      7.25      8.25"), std::string::npos)
+      << text;
 }
 
 TEST(MonteCarloReport, SummaryNamesTheLargestFallAndTheBounds) {

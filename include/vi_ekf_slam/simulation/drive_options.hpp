@@ -28,7 +28,7 @@ struct DriveOptions {
   double start_time = 1317386425.5625; ///< s since the epoch
 
   double frame_rate = 10.0; ///< Hz
-  double imu_rate = 0.0;    ///< Hz, a whole multiple of frame_rate; 0: the same
+  double imu_rate = 0.0;    ///< Hz, gyro and velocity; 0: the same
 
   double velocity_sigma = 0.5;      ///< m/s, white, per sample and axis
   double gyro_sigma = 0.05;         ///< rad/s, white, per sample and axis
@@ -41,15 +41,19 @@ struct DriveOptions {
   double pixel_correlation = 0.0; ///< between the left and the right coordinate of one observation
   double drift_position =
       0.0; ///< m/m^0.5, root spectral density, per distance driven, of what all tracks slide
-  double drift_rotation = 0.0;    ///< rad/m^0.5, and of what they turn about the vehicle
+  double drift_rotation = 0.0; ///< rad/m^0.5, and of what they turn about the vehicle
+  /// px/s^0.5, root spectral density of each track's own random walk, the same in both images.
+  double track_walk = 0.0;
   int features_max = 115;         ///< tracks after the fullest re-detection
   int features_min = 25;          ///< fewer tracks than this call for a re-detection
-  double track_median = 26.0;     ///< frames; median of the exponential track life, if nothing else ends it
-  int track_max = 170;            ///< frames, the longest track
+  double track_median = 2.6;      ///< s; median of the exponential track life, if nothing else ends it
+  double track_max = 17.0;        ///< s, the longest track
   double outlier_fraction = 0.03; ///< of the tracks: wrong stereo matches and sliding tracks
   int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
-  double stale_fraction = 0.09;   ///< of the frames: re-detections that repeat the surviving tracks' pixels
-  bool ids_return = false;        ///< whether a landmark that is detected again has its old id
+  /// Re-detections that repeat the surviving tracks' pixels, in 0.1 s: of the frames at 10 Hz, and as many in
+  /// a second at any other rate.
+  double stale_fraction = 0.09;
+  bool ids_return = false; ///< whether a landmark that is detected again has its old id
   /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
   /// with 3 it is nearly always the same ones.
   double strength_spread = 0.0;

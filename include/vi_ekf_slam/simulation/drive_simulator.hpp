@@ -21,7 +21,7 @@ struct TrueTwist {
   Vector6d twist = Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, at `stamp`
 };
 
-/// One frame and the samples from its stamp (included) to the next frame's (excluded).
+/// One frame and the samples from its stamp (included) to the next frame's (excluded), which may be none.
 ///
 /// Sample j is nu_j + bias + noise with the covariance of the noise attached (none where the noise is 0).
 /// nu_j is the true twist at t_j. The car holds it until the next sample: T_{j+1} = T_j Exp((t_{j+1} - t_j)
@@ -60,7 +60,9 @@ class DriveSimulator {
 
  private:
   void drawBiases();
-  Stamp sampleStamp(std::size_t sample) const;
+  Stamp stampOf(std::size_t index, double rate) const;
+  void moveTo(Stamp stamp);
+  void takeSample(DriveStep& step);
 
   DriveOptions options_;
   View view_;
@@ -71,8 +73,10 @@ class DriveSimulator {
   Random imu_random_;
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_bias_ = Eigen::Vector3d::Zero();
-  std::size_t samples_per_frame_;
-  std::size_t index_ = 0;
+  Stamp now_;                         ///< where motion and traffic have got to
+  Vector6d twist_ = Vector6d::Zero(); ///< of the last sample
+  std::size_t index_ = 0;             ///< of the next frame
+  std::size_t samples_ = 0;           ///< so far
 };
 
 /// A whole drive.

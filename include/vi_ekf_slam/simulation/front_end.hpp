@@ -51,17 +51,18 @@ class FrontEnd {
     FeatureId id = 0;
     ObservationTruth truth;
     StereoPixels pixels = StereoPixels::Zero();               ///< as last observed
-    int frames_left = 0;                                      ///< observations that it still may have
+    Stamp end = 0;                                            ///< from which on it is not observed any more
     std::optional<std::uint64_t> scene_index;                 ///< of a point of the scene
     std::optional<std::pair<std::uint64_t, std::size_t>> car; ///< moving object and the point on it
-    StereoPixels offset = StereoPixels::Zero();               ///< px off the projection (outliers)
-    StereoPixels slide = StereoPixels::Zero();                ///< px per frame that `offset` grows
+    StereoPixels offset = StereoPixels::Zero();               ///< px off the projection (outliers, walks)
+    StereoPixels slide = StereoPixels::Zero();                ///< px/s that `offset` grows
     SE3 birth_inverse;                                        ///< of TrackDrift::slide() when it was new
   };
 
   bool drawStale();
   StereoPixels noise();
-  bool follow(Track& track, const SE3& cam_T_world, const std::vector<MovingObject>& objects);
+  StereoPixels walk(double dt);
+  bool follow(Track& track, double dt, const SE3& cam_T_world, const std::vector<MovingObject>& objects);
   bool goAstray(Track& track, const SE3& world_T_cam);
   void detect(const SE3& world_T_cam, const std::vector<MovingObject>& objects);
   void start(Track track, const SE3& cam_T_world);
@@ -71,12 +72,13 @@ class FrontEnd {
   View view_;
   Scene& scene_;
   TrackDrift drift_;
-  Random noise_random_, track_random_, stale_random_;
+  Random noise_random_, track_random_, stale_random_, walk_random_;
   std::vector<Track> tracks_;
   std::map<std::uint64_t, std::pair<FeatureId, std::uint64_t>>
       known_; ///< scene index -> (id, point), ids_return
   FeatureId next_id_ = 0;
   std::uint64_t next_point_ = 0;
+  Stamp stamp_ = 0;             ///< of the frame
   int frames_since_stale_ = -1; ///< -1 before the first frame
 };
 

@@ -12,9 +12,17 @@ class Motion {
  public:
   virtual ~Motion() = default;
 
-  /// Moves on by `dt` s. Returns the twist nu_k = (v in m/s, omega in rad/s) in the IMU frame that an IMU
-  /// measures at the step's beginning.
-  virtual Vector6d step(double dt) = 0;
+  /// Begins a step of `dt` s, from one sample of the IMU to the next. Returns the twist nu_k = (v in m/s,
+  /// omega in rad/s) in the IMU frame that an IMU measures now.
+  virtual Vector6d begin(double dt) = 0;
+  /// Moves on by `dt` s within the step.
+  virtual void move(double dt) = 0;
+  /// A whole step.
+  Vector6d step(double dt) {
+    const Vector6d twist = begin(dt);
+    move(dt);
+    return twist;
+  }
   /// m travelled so far.
   virtual double distance() const = 0;
 
@@ -30,7 +38,8 @@ class Motion {
 class CarMotion : public Motion {
  public:
   explicit CarMotion(const DriveOptions& options);
-  Vector6d step(double dt) override;
+  Vector6d begin(double dt) override;
+  void move(double dt) override;
   double distance() const override { return station_; }
 
  private:
@@ -41,8 +50,9 @@ class CarMotion : public Motion {
   double straight_speed_, corner_speed_;
   double station_ = 0.0;
   double speed_ = 0.0;
-  double rest_;        ///< s still to stand
-  double corner_stop_; ///< s to stand at `stop_station_`; 0 once done
+  Vector6d twist_ = Vector6d::Zero(); ///< of the step
+  double rest_;                       ///< s still to stand
+  double corner_stop_;                ///< s to stand at `stop_station_`; 0 once done
   double stop_station_;
 };
 
@@ -58,7 +68,8 @@ class CarMotion : public Motion {
 class ProcessMotion : public Motion {
  public:
   explicit ProcessMotion(const DriveOptions& options);
-  Vector6d step(double dt) override;
+  Vector6d begin(double /*dt*/) override { return twist_; }
+  void move(double dt) override;
   double distance() const override { return distance_; }
 
  private:

@@ -6,12 +6,29 @@
 
 namespace vi_ekf_slam::simulation {
 
+/// Who draws. Numbered by their order: no two can share their numbers by mistake. A new one goes to the end,
+/// so that the drives of the others stay what they are.
+enum class RandomStream : std::uint64_t {
+  kMotion = 1,
+  kScene,
+  kTraffic,
+  kPixelNoise,
+  kTracks,
+  kStaleFrames,
+  kImu,
+  kBiases,
+  kTrackDrift,
+  kStrengths,
+  kTrackWalks,
+  kLast = kTrackWalks
+};
+
 /// Random numbers that depend on (seed, stream) alone. The distributions of <random> differ between standard
 /// libraries, its engines do not; so the engine is theirs and the distributions are ours.
 class Random {
  public:
   /// Streams of one seed are independent: drawing more from one leaves the others as they are.
-  Random(std::uint64_t seed, std::uint64_t stream);
+  Random(std::uint64_t seed, RandomStream stream);
 
   /// In [0, 1).
   double uniform();
