@@ -47,7 +47,7 @@ if [ -f "$truth" ]; then
   sources+=("$truth")
   convert+=(--truth "$truth")
 fi
-key="$(content "${sources[@]}" "$root"/src/vi_ekf_slam/*.py)"
+key="$(content "${sources[@]}" "$root"/src/vi_ekf_slam/{,*/}*.py)"
 if is_current "$output/$name.bag" "$key"; then
   say "using $output/$name.bag again"
 else

@@ -8,8 +8,8 @@ from sensor_msgs.msg import CameraInfo, Imu
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from vi_ekf_slam.checks import nanoseconds
-from vi_ekf_slam.geometry import inverse, make_transform, rotation_to_quaternion
+from vi_ekf_slam.common.checks import nanoseconds
+from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_quaternion
 from vi_ekf_slam.msg import StereoFeature, StereoFeatureArray
 
 IMU_FRAME = "imu_link"

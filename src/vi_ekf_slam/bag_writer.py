@@ -9,7 +9,7 @@ import numpy as np
 import rosbag
 
 from vi_ekf_slam import bag_messages as make
-from vi_ekf_slam.output_file import replacing
+from vi_ekf_slam.common.output_file import replacing
 
 STATIC_TOPIC, PATH_TOPIC = "/tf_static", "/ground_truth/path"
 LATCHED_TOPICS = (STATIC_TOPIC, PATH_TOPIC)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.geometry import so3_log
+from vi_ekf_slam.common.geometry import so3_log
 
 POSE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")  # order of covariance.csv; rotations are about the world's axes
 NORMAL_975 = 1.959963984540054

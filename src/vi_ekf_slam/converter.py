@@ -5,14 +5,14 @@ import sys
 
 from tqdm import tqdm
 
-from vi_ekf_slam import checks
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output
+from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB, load_dataset
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.extrinsic import READINGS
-from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
-from vi_ekf_slam.stop_signals import signals_unwind
 from vi_ekf_slam.summary import summarise
 from vi_ekf_slam.truth import BODIES, load_truth
 

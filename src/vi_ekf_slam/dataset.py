@@ -15,8 +15,8 @@ import os
 
 import numpy as np
 
-from vi_ekf_slam import checks
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.extrinsic import check_transform, read_extrinsic
 from vi_ekf_slam.npz_reader import NpzReader
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.geometry import se3_exp
+from vi_ekf_slam.common.geometry import se3_exp
 
 
 def dead_reckon(stamps, linear_velocity, angular_velocity):

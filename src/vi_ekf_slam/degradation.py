@@ -6,9 +6,9 @@ comes from a seed. Truth is a pair (stamps, poses) as truth.load_truth gives it:
 
 import numpy as np
 
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, so3_log
 from vi_ekf_slam.dataset import Dataset
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import inverse, so3_log
 
 
 def frames_of(dataset, ids):

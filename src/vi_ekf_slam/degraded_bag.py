@@ -5,12 +5,13 @@ import sys
 
 from tqdm import tqdm
 
-from vi_ekf_slam import checks, degradation
+from vi_ekf_slam import degradation
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output
 from vi_ekf_slam.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.dataset import load_dataset
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.exit_status import exit_status
-from vi_ekf_slam.output_file import check_output
 from vi_ekf_slam.stale import assign_ids
 from vi_ekf_slam.synthetic_traffic import add_traffic
 from vi_ekf_slam.truth import load_truth

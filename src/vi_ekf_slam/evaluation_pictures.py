@@ -2,8 +2,8 @@
 
 import os
 
+from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.evaluation import anchor_truth, title_of_errors
-from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.run_inputs import meets
 
 # matplotlib is slow to load, so the functions that draw load it: inputs are complained about first.

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import inverse, make_transform, nearest_rotation, rotation_error
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform, nearest_rotation, rotation_error
 
 ROTATION_TOLERANCE = 1e-4  # largest entry of |R^T R - I|; files keep six to eight digits
 READINGS = ("repaired", "given")

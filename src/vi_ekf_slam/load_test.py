@@ -12,8 +12,8 @@ import time
 import numpy as np
 import yaml
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.package_files import package_file
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.package_files import package_file
 from vi_ekf_slam.private_ros import child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s

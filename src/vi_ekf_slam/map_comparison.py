@@ -13,10 +13,10 @@ from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.patches import Rectangle  # noqa: E402
 
 from vi_ekf_slam.bag_limits import require_small_chunks  # noqa: E402
-from vi_ekf_slam.csv_columns import read_columns  # noqa: E402
-from vi_ekf_slam.errors import InputError  # noqa: E402
-from vi_ekf_slam.exit_status import exit_status  # noqa: E402
-from vi_ekf_slam.output_file import check_output, replacing  # noqa: E402
+from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
+from vi_ekf_slam.common.errors import InputError  # noqa: E402
+from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402
+from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
 from vi_ekf_slam.plotting import view_limits  # noqa: E402
 from vi_ekf_slam.run_io import LANDMARK_COLUMNS, read_run  # noqa: E402
 

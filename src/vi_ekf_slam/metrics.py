@@ -4,7 +4,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.geometry import inverse, make_transform
+from vi_ekf_slam.common.geometry import inverse, make_transform
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)  # m
 KITTI_STEP = 10  # frames between the starts of sub-sequences

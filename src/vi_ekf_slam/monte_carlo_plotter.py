@@ -10,10 +10,10 @@ matplotlib.use("Agg")  # files only; a machine without a display must do
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from vi_ekf_slam.csv_columns import read_columns  # noqa: E402
-from vi_ekf_slam.errors import InputError  # noqa: E402
-from vi_ekf_slam.exit_status import exit_status
-from vi_ekf_slam.output_file import check_output, replacing  # noqa: E402
+from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
+from vi_ekf_slam.common.errors import InputError  # noqa: E402
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
 
 FRAME_COLUMNS = ("time", "nees", "nees_rotation", "nees_position", "nis_per_dof", "position_rmse",
                  "dead_reckoning_rmse", "bound_low_6", "bound_high_6", "bound_low_3", "bound_high_3")

@@ -14,7 +14,7 @@ import zlib
 
 import numpy as np
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 MAX_HEADER_BYTES = 65535  # an .npy header has about 100
 # What zipfile, the decompressors and numpy's header parser raise on damaged or exotic members.

@@ -7,7 +7,7 @@ from collections import namedtuple
 import numpy as np
 
 from vi_ekf_slam.bag_reader import read_reference
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.evaluation import evaluate
 from vi_ekf_slam.run_io import read_run
 from vi_ekf_slam.simulation import find_program

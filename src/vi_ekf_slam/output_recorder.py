@@ -12,7 +12,7 @@ import rosbag
 import rosgraph
 import rospy
 
-from vi_ekf_slam.exit_status import EXIT_REFUSED
+from vi_ekf_slam.common.exit_status import EXIT_REFUSED
 
 TOPICS = ("/tf", "/tf_static", "odometry", "pose", "/ground_truth/pose", "/diagnostics")
 # Each message holds all of the path or of the map so far. They are written so often only that the bag grows steadily.

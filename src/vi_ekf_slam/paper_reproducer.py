@@ -11,18 +11,18 @@ import yaml
 from tqdm import tqdm
 
 from vi_ekf_slam import converter
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, make_directory, replacing, write_text
+from vi_ekf_slam.common.package_files import package_file
+from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.evaluation import describe
 from vi_ekf_slam.evaluation_report import DEFINITIONS, to_data
-from vi_ekf_slam.exit_status import exit_status
 from vi_ekf_slam.offline_run import run_bag
-from vi_ekf_slam.output_file import check_output, make_directory, replacing, write_text
-from vi_ekf_slam.package_files import package_file
 from vi_ekf_slam.paper_figures import DRIVES, KINDS, METHODS, SIDES, draw_pair, figures_of, picture_name, to_bytes
 from vi_ekf_slam.paper_page import make_page
 from vi_ekf_slam.run_evaluator import judge_subject
 from vi_ekf_slam.run_inputs import read_bag, read_subject
-from vi_ekf_slam.stop_signals import signals_unwind
 
 PAGE, NUMBERS = "reproduce_paper.html", "reproduce_paper.json"
 TRUTH_SUFFIX = "_truth_left_camera.txt"

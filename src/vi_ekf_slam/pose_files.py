@@ -4,10 +4,10 @@ import os
 
 import numpy as np
 
-from vi_ekf_slam import checks
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import (make_transform, nearest_rotation, quaternion_to_rotation, rotation_error,
-                                  rotation_to_quaternion)
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import (make_transform, nearest_rotation, quaternion_to_rotation, rotation_error,
+                                         rotation_to_quaternion)
 
 KITTI_COLUMNS, TUM_COLUMNS = 12, 8
 ROTATION_TOLERANCE = 1e-3  # largest entry of |R^T R - I| and of | |q| - 1 |; KITTI's text keeps six digits

@@ -10,7 +10,7 @@ import subprocess
 import time
 import xmlrpc.client
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 START_LIMIT_S = 60.0
 STOP_LIMIT_S = 20.0

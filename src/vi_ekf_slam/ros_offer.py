@@ -3,7 +3,7 @@
 import os
 import time
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 TF_TOPICS = ("/tf", "/tf_static")
 DRIVE_TOPICS = ("/imu", "/velocity", "/features")  # what slam_node needs under these names

@@ -6,8 +6,8 @@ import os
 import numpy as np
 import yaml
 
-from vi_ekf_slam.csv_columns import read_columns
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.csv_columns import read_columns
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.pose_files import read_tum
 
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]

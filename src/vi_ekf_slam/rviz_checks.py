@@ -1,6 +1,6 @@
 """Does what a configuration asks for exist? Each check names what is missing and lists what there is."""
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.rviz_config import FRAMES, TRUTH
 
 

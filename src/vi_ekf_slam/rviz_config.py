@@ -2,8 +2,8 @@
 
 import yaml
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.package_files import package_file
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.package_files import package_file
 
 # rviz class: (key of the topic, its type).
 TOPIC_DISPLAYS = {

@@ -3,9 +3,9 @@
 import argparse
 import re
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.exit_status import exit_status
-from vi_ekf_slam.output_file import check_output, replacing
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.rviz_checks import check
 from vi_ekf_slam.rviz_config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
                                      topic_displays)

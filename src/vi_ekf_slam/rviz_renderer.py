@@ -10,14 +10,15 @@ import time
 
 from tqdm import tqdm
 
-from vi_ekf_slam import checks, ros_offer
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.exit_status import exit_status
-from vi_ekf_slam.output_file import check_output, replacing
+from vi_ekf_slam import ros_offer
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz_config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
 from vi_ekf_slam.rviz_session import RvizSession
-from vi_ekf_slam.stop_signals import signals_unwind
 
 EXIT_FAILED = 1
 LIMITS = (200, 4096)  # px

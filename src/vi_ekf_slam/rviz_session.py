@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.private_ros import child
 
 START_LIMIT_S, ANSWER_LIMIT_S = 120.0, 60.0

@@ -12,11 +12,11 @@ import tempfile
 import numpy as np
 from tqdm import tqdm
 
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.geometry import inverse, make_transform
+from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.exit_status import exit_status
-from vi_ekf_slam.geometry import inverse, make_transform
-from vi_ekf_slam.output_file import check_output, replacing
 from vi_ekf_slam.pose_files import tum_line
 
 PROGRAM = "simulate_drive"

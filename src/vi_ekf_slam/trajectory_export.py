@@ -2,9 +2,9 @@
 
 import os
 
+from vi_ekf_slam.common.output_file import make_directory, write_text
 from vi_ekf_slam.evaluation import anchor_truth, match
 from vi_ekf_slam.metrics import left_camera_poses
-from vi_ekf_slam.output_file import make_directory, write_text
 from vi_ekf_slam.pose_files import kitti_line, tum_line
 
 

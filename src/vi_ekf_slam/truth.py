@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import interpolate_pose, inverse
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import interpolate_pose, inverse
 from vi_ekf_slam.pose_files import read_pose_file
 
 BODIES = ("imu", "left_camera")

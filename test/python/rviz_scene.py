@@ -4,7 +4,7 @@ import numpy as np
 import rosbag
 from PIL import Image
 
-from vi_ekf_slam.geometry import quaternion_to_rotation
+from vi_ekf_slam.common.geometry import quaternion_to_rotation
 
 CAMERA_LIFT = 0.2  # of the distance: rviz's third-person view lifts its camera so that the target is below the middle
 FIELD_OF_VIEW = np.pi / 4  # vertical, rviz's default

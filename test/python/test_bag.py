@@ -12,8 +12,8 @@ import rosbag
 from conftest import CAM_R_IMU, CAMERA_IN_IMU, HANG_S, drive, script_path, second_edition
 
 from vi_ekf_slam import bag_messages
+from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
 from vi_ekf_slam.converter import main
-from vi_ekf_slam.geometry import make_transform, quaternion_to_rotation
 
 PER_FRAME = ["/left/camera_info", "/right/camera_info", "/imu", "/velocity", "/features"]
 

@@ -6,11 +6,11 @@ from conftest import drive
 
 from vi_ekf_slam import degradation
 from vi_ekf_slam.bag_reader import read_reference
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, se3_exp
 from vi_ekf_slam.dataset import load_dataset
 from vi_ekf_slam.dead_reckoning import dead_reckon
 from vi_ekf_slam.degraded_bag import main as degrade
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import inverse, se3_exp
 from vi_ekf_slam.stale import assign_ids
 from vi_ekf_slam.synthetic_traffic import PIXEL_NOISE, add_traffic
 

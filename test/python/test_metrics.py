@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from conftest import data_file
 
+from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
 from vi_ekf_slam.dataset import load_dataset
 from vi_ekf_slam.dead_reckoning import dead_reckon
-from vi_ekf_slam.geometry import make_transform, se3_exp, so3_exp
 from vi_ekf_slam.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_errors, kitti_segments,
                                  left_camera_poses, pairs_ahead, relative_pose_errors, rigid_alignment)
 from vi_ekf_slam.pose_files import read_pose_file

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
 from vi_ekf_slam.consistency import chi_square_bounds, nees, pose_errors
 from vi_ekf_slam.evaluation import judge_covariances
-from vi_ekf_slam.geometry import make_transform, se3_exp, so3_exp
 
 
 def test_errors_are_about_the_axes_of_the_world():

@@ -8,9 +8,9 @@ from conftest import LANDMARK_HEADER as HEADER
 from conftest import TRUE_POSITIONS, drive, is_png, tum
 
 from vi_ekf_slam import plotting
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform, se3_exp
 from vi_ekf_slam.evaluation import anchor_truth, evaluate
-from vi_ekf_slam.geometry import inverse, make_transform, se3_exp
 from vi_ekf_slam.run_io import read_run
 
 STAMPS = drive()["time_stamps"][0]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.geometry import inverse, make_transform, so3_exp
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform, so3_exp
 from vi_ekf_slam.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.truth import load_truth, sample_poses
 

@@ -2,7 +2,7 @@
 
 import os
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 
 def package_file(*parts):

@@ -2,7 +2,7 @@
 
 import sys
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 EXIT_REFUSED = 2
 

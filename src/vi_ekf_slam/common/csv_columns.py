@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 
 def read_columns(path, names, optional=(), allow_empty=False):

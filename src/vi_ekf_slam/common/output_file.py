@@ -4,7 +4,7 @@ import contextlib
 import os
 import secrets
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 
 def check_output(path, source=None):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.errors import InputError
+from vi_ekf_slam.common.errors import InputError
 
 MAX_FOCAL_LENGTH = 1e6  # px, beyond any camera
 MAX_ROS_SECONDS = 2**32  # ros::Time counts seconds in 32 bits
