@@ -10,11 +10,11 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output
 from vi_ekf_slam.common.stop_signals import signals_unwind
-from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB, load_dataset
-from vi_ekf_slam.extrinsic import READINGS
-from vi_ekf_slam.stale import assign_ids
-from vi_ekf_slam.summary import summarise
-from vi_ekf_slam.truth import BODIES, load_truth
+from vi_ekf_slam.dataset.extrinsic import READINGS
+from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB, load_dataset
+from vi_ekf_slam.dataset.stale import assign_ids
+from vi_ekf_slam.dataset.summary import summarise
+from vi_ekf_slam.dataset.truth import BODIES, load_truth
 
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s

@@ -5,16 +5,16 @@ import sys
 
 from tqdm import tqdm
 
-from vi_ekf_slam import degradation
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output
 from vi_ekf_slam.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
-from vi_ekf_slam.dataset import load_dataset
-from vi_ekf_slam.stale import assign_ids
-from vi_ekf_slam.synthetic_traffic import add_traffic
-from vi_ekf_slam.truth import load_truth
+from vi_ekf_slam.dataset import degradation
+from vi_ekf_slam.dataset.loader import load_dataset
+from vi_ekf_slam.dataset.stale import assign_ids
+from vi_ekf_slam.dataset.synthetic_traffic import add_traffic
+from vi_ekf_slam.dataset.truth import load_truth
 
 GOOD_VELOCITY_SIGMA = 0.1  # m/s
 GOOD_GYRO_SIGMA = 0.01  # rad/s

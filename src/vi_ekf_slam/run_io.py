@@ -8,7 +8,7 @@ import yaml
 
 from vi_ekf_slam.common.csv_columns import read_columns
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.pose_files import read_tum
+from vi_ekf_slam.dataset.pose_files import read_tum
 
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
 FRAME_COLUMNS = ("stamp", "features", "used", "rejected", "landmarks", "frame_rejected", "nis", "nis_dof")

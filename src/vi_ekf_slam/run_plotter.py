@@ -6,10 +6,10 @@ import os
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.dataset.truth import BODIES
 from vi_ekf_slam.evaluation import anchor_truth, describe, evaluate, title_of_errors
 from vi_ekf_slam.run_inputs import find_truth, read_bag
 from vi_ekf_slam.run_io import read_run
-from vi_ekf_slam.truth import BODIES
 
 
 def make_parser():

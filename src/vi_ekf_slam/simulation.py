@@ -16,8 +16,8 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.dataset import DEFAULT_MAX_MEMORY_MB
-from vi_ekf_slam.pose_files import tum_line
+from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB
+from vi_ekf_slam.dataset.pose_files import tum_line
 
 PROGRAM = "simulate_drive"
 UNSEEN = -1.0

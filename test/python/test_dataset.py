@@ -11,7 +11,7 @@ import pytest
 from conftest import CAM_R_IMU, CAMERA_IN_IMU, drive, second_edition
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.dataset import load_dataset
+from vi_ekf_slam.dataset.loader import load_dataset
 
 
 def with_value(key, index, value):

@@ -9,9 +9,9 @@ from conftest import TRUE_POSITIONS, drive, is_png, tum
 
 from vi_ekf_slam import evaluation_plots, plotting
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.evaluation import evaluate, judge_covariances
 from vi_ekf_slam.evaluation_report import DEFINITIONS, table
-from vi_ekf_slam.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.run_inputs import default_names
 from vi_ekf_slam.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vi_ekf_slam.common import geometry as g
-from vi_ekf_slam.dead_reckoning import dead_reckon, travelled_distance
+from vi_ekf_slam.dataset.dead_reckoning import dead_reckon, travelled_distance
 
 ANGLES = [0.0, 1e-9, 1e-6, 1e-3, 1.0, 3.0, np.pi - 1e-7]
 AXES = [np.array(a) / np.linalg.norm(a) for a in ([1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [1.0, -2.0, 0.5])]

@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 from vi_ekf_slam.common.geometry import inverse, se3_exp
-from vi_ekf_slam.dataset import load_dataset
-from vi_ekf_slam.pose_files import read_pose_file, read_tum
+from vi_ekf_slam.dataset.loader import load_dataset
+from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 
 SHORT = ("--duration", "20")
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from conftest import data_file
 
-from vi_ekf_slam.dataset import load_dataset
-from vi_ekf_slam.stale import assign_ids
+from vi_ekf_slam.dataset.loader import load_dataset
+from vi_ekf_slam.dataset.stale import assign_ids
 
 
 def moving_tracks(landmarks, frames):

@@ -5,8 +5,8 @@ import pytest
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, so3_exp
-from vi_ekf_slam.pose_files import read_pose_file, read_tum
-from vi_ekf_slam.truth import load_truth, sample_poses
+from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
+from vi_ekf_slam.dataset.truth import load_truth, sample_poses
 
 STAMPS = 100.0 + 0.1 * np.arange(5)
 CAM_T_IMU = make_transform(so3_exp([0.3, -1.0, 0.5]), [0.1, -0.7, -1.2])

@@ -8,7 +8,7 @@ import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, so3_log
-from vi_ekf_slam.dataset import Dataset
+from vi_ekf_slam.dataset.loader import Dataset
 
 
 def frames_of(dataset, ids):

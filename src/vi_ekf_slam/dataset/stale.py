@@ -39,8 +39,8 @@ def assign_ids(features, seen, repair=True):
     """Track identities per landmark and frame.
 
     features: (4, M, T) px. seen: (M, T) bool. Landmark m has the id m until a stale frame ends it, and again after
-    a frame without it; new ids count upwards from M, frame by frame and in the order of m, so they are the same in every run. Stale frames may follow
-    each other. With repair=False stale frames are found and counted but ids stay m.
+    a frame without it; new ids count upwards from M, frame by frame and in the order of m, so they are the same in every
+    run. Stale frames may follow each other. With repair=False stale frames are found and counted but ids stay m.
     """
     landmarks, frames = seen.shape
     current = np.arange(landmarks, dtype=np.int64)

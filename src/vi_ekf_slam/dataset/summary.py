@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.dead_reckoning import travelled_distance
+from vi_ekf_slam.dataset.dead_reckoning import travelled_distance
 
 
 def describe_extrinsic(dataset):

@@ -13,12 +13,10 @@
 
 import os
 
-import numpy as np
-
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.extrinsic import check_transform, read_extrinsic
-from vi_ekf_slam.npz_reader import NpzReader
+from vi_ekf_slam.dataset.extrinsic import check_transform, read_extrinsic
+from vi_ekf_slam.dataset.npz_reader import NpzReader
 
 DEFAULT_MAX_MEMORY_MB = 4096.0
 # As in the core (slam_system.hpp, rig_assembler.cpp): what is beyond is dropped there.

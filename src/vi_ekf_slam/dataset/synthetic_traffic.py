@@ -7,7 +7,7 @@ closes slowly; so its features are coherent, stay in view for long, and contradi
 import numpy as np
 
 from vi_ekf_slam.common.geometry import inverse, make_transform
-from vi_ekf_slam.degradation import keep_tracks, require_truth
+from vi_ekf_slam.dataset.degradation import keep_tracks, require_truth
 
 CARS = 4
 GAP = (8.0, 30.0)  # m, from our IMU to a car's middle

@@ -4,7 +4,7 @@ import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import interpolate_pose, inverse
-from vi_ekf_slam.pose_files import read_pose_file
+from vi_ekf_slam.dataset.pose_files import read_pose_file
 
 BODIES = ("imu", "left_camera")
 STAMP_TOLERANCE = 1e-4  # s; text files may round stamps, frames are at least milliseconds apart
