@@ -11,8 +11,8 @@ import tempfile
 import yaml
 from tqdm import tqdm
 
+from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.converter import main as convert
 from vi_ekf_slam.offline_run import judge, run_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))

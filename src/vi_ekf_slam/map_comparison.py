@@ -12,7 +12,7 @@ import rosbag  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.patches import Rectangle  # noqa: E402
 
-from vi_ekf_slam.bag_limits import require_small_chunks  # noqa: E402
+from vi_ekf_slam.bag.limits import require_small_chunks  # noqa: E402
 from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.common.errors import InputError  # noqa: E402
 from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402

@@ -6,7 +6,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.bag_reader import read_reference
+from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.truth import sample_poses
 from vi_ekf_slam.evaluation import evaluate

@@ -10,7 +10,7 @@ import tempfile
 import yaml
 from tqdm import tqdm
 
-from vi_ekf_slam import converter
+from vi_ekf_slam.bag import converter
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, replacing, write_text

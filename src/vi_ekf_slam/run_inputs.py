@@ -30,10 +30,10 @@ class Subject:
 
 
 def read_bag(path):
-    """bag_reader.Reference of a bag, or None for no path."""
+    """bag.reader.Reference of a bag, or None for no path."""
     if not path:
         return None
-    from vi_ekf_slam.bag_reader import read_reference  # needs ROS, the rest does not
+    from vi_ekf_slam.bag.reader import read_reference  # needs ROS, the rest does not
     return read_reference(path)
 
 

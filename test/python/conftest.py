@@ -115,7 +115,7 @@ def run(tmp_path):
 @pytest.fixture
 def bag(save, tmp_path):
     """The bag of drive() with the truth of `run`."""
-    from vi_ekf_slam.converter import main as convert
+    from vi_ekf_slam.bag.converter import main as convert
     truth = tmp_path / "truth.tum"
     truth.write_text(tum(TRUE_POSITIONS))
     path = str(tmp_path / "drive.bag")

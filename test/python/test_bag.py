@@ -11,9 +11,9 @@ import pytest
 import rosbag
 from conftest import CAM_R_IMU, CAMERA_IN_IMU, HANG_S, drive, script_path, second_edition
 
-from vi_ekf_slam import bag_messages
+from vi_ekf_slam.bag.converter import main
+from vi_ekf_slam.bag.messages import image_size, ros_time
 from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
-from vi_ekf_slam.converter import main
 
 PER_FRAME = ["/left/camera_info", "/right/camera_info", "/imu", "/velocity", "/features"]
 
@@ -56,7 +56,7 @@ def test_topics_types_and_counts(convert):
 
 def test_order_and_record_times(convert):
     arrays = drive()
-    stamps = [bag_messages.ros_time(t).to_nsec() for t in arrays["time_stamps"][0]]
+    stamps = [ros_time(t).to_nsec() for t in arrays["time_stamps"][0]]
     expected = [("/tf_static", stamps[0])] + [(topic, t) for t in stamps for topic in PER_FRAME]
     path = convert(arrays)
     assert in_file_order(path) == expected
@@ -66,8 +66,8 @@ def test_order_and_record_times(convert):
 
 
 def test_stamps_keep_what_a_double_holds():
-    assert bag_messages.ros_time(1317386425.5625024).to_nsec() == 1317386425562502384
-    assert bag_messages.ros_time(1.9999999999).to_nsec() == 2000000000
+    assert ros_time(1317386425.5625024).to_nsec() == 1317386425562502384
+    assert ros_time(1.9999999999).to_nsec() == 2000000000
 
 
 def test_only_the_static_topics_are_latched(convert, tmp_path):
@@ -148,8 +148,8 @@ def test_camera_infos(convert):
     (700.0, 800.0, (801, 801)), (721.5377, 1241.9, (1242, 1242))])
 def test_image_size_is_known_or_guessed_and_covers_every_pixel(focal_length, pixel, size):
     intrinsics = np.array([[focal_length, 0, 320], [0, focal_length, 240], [0, 0, 1]])
-    assert bag_messages.image_size(intrinsics, np.full((4, 1, 1), pixel), np.array([[True]])) == size
-    assert bag_messages.image_size(intrinsics, np.zeros((4, 0, 1)), np.zeros((0, 1), bool))[0] >= 640
+    assert image_size(intrinsics, np.full((4, 1, 1), pixel), np.array([[True]])) == size
+    assert image_size(intrinsics, np.zeros((4, 0, 1)), np.zeros((0, 1), bool))[0] >= 640
 
 
 @pytest.mark.parametrize("arrays, options, position", [
@@ -186,7 +186,7 @@ def test_truth_of_the_camera_becomes_poses_of_the_imu(convert, tmp_path):
         p, q = m.pose.position, m.pose.orientation
         assert np.allclose([p.x, p.y, p.z], expected[:3, 3])
         assert np.allclose(quaternion_to_rotation([q.x, q.y, q.z, q.w]), expected[:3, :3])
-        assert m.header.frame_id == "map" and m.header.stamp == bag_messages.ros_time(stamp)
+        assert m.header.frame_id == "map" and m.header.stamp == ros_time(stamp)
     trajectory = by_topic(path, "/ground_truth/path")
     assert len(trajectory) == 1 and [str(p.pose) for p in trajectory[0].poses] == [str(p.pose) for p in poses]
     assert trajectory[0].header.frame_id == "map"

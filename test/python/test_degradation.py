@@ -6,8 +6,8 @@ import os
 import pytest
 from conftest import ROOT, data_file
 
-from vi_ekf_slam import degraded_bag
-from vi_ekf_slam.converter import main as convert
+from vi_ekf_slam.bag import degrader
+from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.offline_run import judge, run_bag
 from vi_ekf_slam.simulation import main as simulate
 
@@ -43,7 +43,7 @@ TWISTS = {"noisy twist": (), "good twist": GOOD + ("--gyro-bias-min", "0", "--gy
 
 @functools.lru_cache(maxsize=None)  # reading takes as long as a run
 def drive_with_truth(npz, truth):
-    return degraded_bag.load_drive(npz, truth)
+    return degrader.load_drive(npz, truth)
 
 
 def require_no_worse_than_dead_reckoning(bag, folder):
@@ -69,8 +69,8 @@ def test_with_a_good_ins(drive, dead_reckoning, tmp_path):
 def test_with_degraded_features(case, drive, tmp_path):
     bag, truth = str(tmp_path / "drive.bag"), data_file(drive + "_truth_left_camera.txt")
     npz = data_file(drive + ".npz")
-    options = degraded_bag.make_parser().parse_args([npz, bag, "--truth", truth, "--quiet", *CASES[case]])
-    degraded_bag.write(options, drive_with_truth(npz, truth))
+    options = degrader.make_parser().parse_args([npz, bag, "--truth", truth, "--quiet", *CASES[case]])
+    degrader.write(options, drive_with_truth(npz, truth))
     require_no_worse_than_dead_reckoning(bag, tmp_path)
 
 

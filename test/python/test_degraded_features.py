@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from conftest import drive
 
-from vi_ekf_slam.bag_reader import read_reference
+from vi_ekf_slam.bag.degrader import main as degrade
+from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, se3_exp
 from vi_ekf_slam.dataset import degradation
@@ -12,7 +13,6 @@ from vi_ekf_slam.dataset.dead_reckoning import dead_reckon
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
 from vi_ekf_slam.dataset.synthetic_traffic import PIXEL_NOISE, add_traffic
-from vi_ekf_slam.degraded_bag import main as degrade
 
 FRAMES = 40
 TWIST = np.array([8.0, 0.1, -0.05, 0.01, 0.02, 0.2])  # m/s, rad/s

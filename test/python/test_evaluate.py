@@ -135,7 +135,7 @@ def test_exports_are_read_back_and_by_strict_readers(script, full_run, bag, tmp_
 
 
 def test_kitti_exports_match_row_by_row(script, full_run, save, tmp_path):
-    from vi_ekf_slam.converter import main as convert
+    from vi_ekf_slam.bag.converter import main as convert
     truth, bag = tmp_path / "short.tum", str(tmp_path / "short.bag")
     truth.write_text("".join(tum(TRUE_POSITIONS).splitlines(True)[:6]))  # the truth ends two frames early
     assert convert([save(drive()), bag, "--quiet", "--truth", str(truth)]) == 0

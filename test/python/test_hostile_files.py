@@ -14,7 +14,7 @@ import pytest
 from conftest import HANG_S, drive, program, script_path
 from test_dataset import npy_header
 
-from vi_ekf_slam.bag_messages import LEFT_FRAME
+from vi_ekf_slam.bag.messages import LEFT_FRAME
 
 MEGABYTE = 1024 * 1024
 LIMIT = 1024 * MEGABYTE  # an interpreter with numpy, rosbag and their libraries has mapped about half of it

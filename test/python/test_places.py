@@ -7,7 +7,7 @@ import pytest
 import yaml
 from conftest import ROOT, data_file
 
-from vi_ekf_slam.converter import main as convert
+from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.offline_run import judge, run_bag
 
 

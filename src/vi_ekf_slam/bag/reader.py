@@ -5,7 +5,7 @@ import os
 import numpy as np
 import rosbag
 
-from vi_ekf_slam.bag_limits import require_small_chunks
+from vi_ekf_slam.bag.limits import require_small_chunks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 

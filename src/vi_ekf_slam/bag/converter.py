@@ -84,11 +84,11 @@ def convert(options):
 def _bag_writer():
     """The module that needs ROS, imported late: --info works without, and what is missing can be named."""
     try:
-        from vi_ekf_slam import bag_writer
+        from vi_ekf_slam.bag import writer
     except ImportError as reason:
         raise InputError("%s; source the workspace's setup.bash, and install rosbag and the Python halves of nav_msgs "
                          "and sensor_msgs (Debian: python3-rosbag python3-nav-msgs python3-sensor-msgs)" % reason)
-    return bag_writer
+    return writer
 
 
 def _write(options, dataset, repair, truth):

@@ -5,11 +5,11 @@ import sys
 
 from tqdm import tqdm
 
+from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output
-from vi_ekf_slam.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.dataset import degradation
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
@@ -97,10 +97,10 @@ def write(options, drive=None):
     """Do what the parsed options ask; InputError when something is refused. drive: what load_drive gives for them."""
     check(options)
     dataset, ids, truth = degraded(options, drive or load_drive(options.input, options.truth))
-    from vi_ekf_slam import bag_writer  # needs ROS; complain about inputs first
-    recording = bag_writer.messages(dataset, ids, options.gyro_sigma, options.velocity_sigma, truth)
+    from vi_ekf_slam.bag import writer  # needs ROS; complain about inputs first
+    recording = writer.messages(dataset, ids, options.gyro_sigma, options.velocity_sigma, truth)
     with tqdm(recording, desc="messages", unit="", disable=options.quiet or not sys.stderr.isatty()) as progress:
-        count = bag_writer.write_bag(options.output, progress)
+        count = writer.write_bag(options.output, progress)
     if not options.quiet:
         print("features: %.1f a frame in the mean" % dataset.seen.sum(axis=0).mean())
         print("wrote: %s, %d messages" % (options.output, count))

@@ -8,7 +8,7 @@ Connections are first used in the same order, which is how readers that merge co
 import numpy as np
 import rosbag
 
-from vi_ekf_slam import bag_messages as make
+from vi_ekf_slam.bag import messages as make
 from vi_ekf_slam.common.output_file import replacing
 
 STATIC_TOPIC, PATH_TOPIC = "/tf_static", "/ground_truth/path"
