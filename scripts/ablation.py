@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.offline_run import judge, run_bag
+from vi_ekf_slam.evaluation.offline_run import judge, run_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DRIVES = ("0027", "0034")

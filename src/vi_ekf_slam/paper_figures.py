@@ -5,7 +5,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.evaluation import anchor_truth, title_of_errors
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, title_of_errors
 
 # matplotlib is slow to load, so the functions that draw load it: inputs are complained about first.
 
@@ -58,29 +58,29 @@ def picture_name(number, side):
 
 
 def draw_pair(figure, results):
-    """The pictures of both SIDES in one view and one scale of colours. results: evaluation_report.Result of each."""
-    from vi_ekf_slam import plotting
+    """The pictures of both SIDES in one view and one scale of colours. results: evaluation.report.Result of each."""
+    from vi_ekf_slam.evaluation import top_view
     lines = [_lines(figure.kind, side, result) for side, result in zip(SIDES, results)]
-    common = {"limits": plotting.view_limits([positions for side in lines for _, positions, _ in side], MIN_ASPECT),
-              "colors": plotting.color_limits(np.concatenate([r.subject.run.horizontal_deviations() for r in results])),
+    common = {"limits": top_view.view_limits([positions for side in lines for _, positions, _ in side], MIN_ASPECT),
+              "colors": top_view.color_limits(np.concatenate([r.subject.run.horizontal_deviations() for r in results])),
               "long_side": LONG_SIDE}
-    return [plotting.draw_trajectories(_title(figure, side, result), these, *_landmarks(figure.kind, result), **common)
+    return [top_view.draw_trajectories(_title(figure, side, result), these, *_landmarks(figure.kind, result), **common)
             for side, result, these in zip(SIDES, results, lines)]
 
 
 def _lines(kind, side, result):
-    """Trajectories for plotting.draw_trajectories; the last is the one that the figure is about."""
-    from vi_ekf_slam import plotting
+    """Trajectories for top_view.draw_trajectories; the last is the one that the figure is about."""
+    from vi_ekf_slam.evaluation import top_view
     subject, lines = result.subject, []
     if subject.truth is not None:
         truth = anchor_truth(subject.truth, subject.stamps, subject.poses)
-        lines.append(("truth", truth[:, :3, 3], plotting.TRUTH_STYLE))
+        lines.append(("truth", truth[:, :3, 3], top_view.TRUTH_STYLE))
     if kind.name == "SLAM":
-        lines.append(("dead reckoning", subject.dead_reckoning[1][:, :3, 3], plotting.DEAD_RECKONING_ON_TOP))
-    label, style = "SLAM", plotting.SLAM_STYLE
+        lines.append(("dead reckoning", subject.dead_reckoning[1][:, :3, 3], top_view.DEAD_RECKONING_ON_TOP))
+    label, style = "SLAM", top_view.SLAM_STYLE
     if kind.name == "dead reckoning" or (kind.name == "visual map" and side == "paper"):
         label = "dead reckoning" if side == "paper" else "camera off"
-        style = dict(plotting.DEAD_RECKONING_ON_TOP, linewidth=2.0)
+        style = dict(top_view.DEAD_RECKONING_ON_TOP, linewidth=2.0)
     return lines + [(label, subject.poses[:, :3, 3], style)]
 
 
@@ -100,7 +100,7 @@ def _title(figure, side, result):
 
 def to_bytes(picture, kind):
     """The file of a picture; kind: "png" or "svg"."""
-    from vi_ekf_slam import plotting
+    from vi_ekf_slam.evaluation import top_view
     stream = io.BytesIO()
-    plotting.save(picture, stream, kind, DPI)
+    top_view.save(picture, stream, kind, DPI)
     return stream.getvalue()

@@ -5,7 +5,7 @@ import shlex
 import struct
 from html import escape
 
-from vi_ekf_slam.evaluation_report import DEFINITIONS, ROWS, cell
+from vi_ekf_slam.evaluation.report import DEFINITIONS, ROWS, cell
 from vi_ekf_slam.paper_figures import DRIVES, KINDS, METHODS, SIDES, figures_of
 
 GLANCE = [row for row in ROWS if row[3][-1] in ("ate_m", "t_rel_percent", "r_rel_deg_per_100m", "pose_nees")]
@@ -50,7 +50,7 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 def make_page(drives, numbers, configurations, pictures, setting):
     """The page's text, well-formed as XML too.
 
-    drives: names, of those present. numbers: {drive: {method: of evaluation_report.to_data, with "commands"}}.
+    drives: names, of those present. numbers: {drive: {method: of evaluation.report.to_data, with "commands"}}.
     configurations: {name: text}. pictures: {(figure's number, side): PNG file}. setting: the shell's (variable, value).
     """
     parts = [_introduction(drives), _glance(drives, numbers)]

@@ -16,13 +16,13 @@ from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, replacing, write_text
 from vi_ekf_slam.common.package_files import package_file
 from vi_ekf_slam.common.stop_signals import signals_unwind
-from vi_ekf_slam.evaluation import describe
-from vi_ekf_slam.evaluation_report import DEFINITIONS, to_data
-from vi_ekf_slam.offline_run import run_bag
+from vi_ekf_slam.evaluation.against_truth import describe
+from vi_ekf_slam.evaluation.offline_run import run_bag
+from vi_ekf_slam.evaluation.report import DEFINITIONS, to_data
+from vi_ekf_slam.evaluation.run_evaluator import judge_subject
+from vi_ekf_slam.evaluation.run_inputs import read_bag, read_subject
 from vi_ekf_slam.paper_figures import DRIVES, KINDS, METHODS, SIDES, draw_pair, figures_of, picture_name, to_bytes
 from vi_ekf_slam.paper_page import make_page
-from vi_ekf_slam.run_evaluator import judge_subject
-from vi_ekf_slam.run_inputs import read_bag, read_subject
 
 PAGE, NUMBERS = "reproduce_paper.html", "reproduce_paper.json"
 TRUTH_SUFFIX = "_truth_left_camera.txt"
@@ -112,7 +112,7 @@ def convert_drives(data, drives, folder, progress):
 def judge_drive(drive, folder, configurations, progress):
     """Run all METHODS on a drive's bag in `folder`. configurations: {name: path}.
 
-    Returns {method: evaluation_report.Result}.
+    Returns {method: evaluation.report.Result}.
     """
     bag = os.path.join(folder, drive + ".bag")
     reference, results = read_bag(bag), {}

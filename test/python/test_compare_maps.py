@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import drive, is_png
 
-from vi_ekf_slam.map_comparison import Map, main, read_tracks
+from vi_ekf_slam.evaluation.map_comparison import Map, main, read_tracks
 
 
 def test_tracks_are_those_of_the_bag(bag):

@@ -12,7 +12,7 @@ import pytest
 import yaml
 from conftest import HANG_S, ROOT
 
-from vi_ekf_slam.consistency import chi_square_bounds
+from vi_ekf_slam.evaluation.consistency import chi_square_bounds
 from vi_ekf_slam.simulation import find_program
 
 CONFIG = os.path.join(ROOT, "config", "default.yaml")

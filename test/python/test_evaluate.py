@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from conftest import TRUE_POSITIONS, drive, is_png, tum
 
-from vi_ekf_slam import evaluation_plots, plotting
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
-from vi_ekf_slam.evaluation import evaluate, judge_covariances
-from vi_ekf_slam.evaluation_report import DEFINITIONS, table
-from vi_ekf_slam.run_inputs import default_names
-from vi_ekf_slam.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
+from vi_ekf_slam.evaluation import graphs, top_view
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.report import DEFINITIONS, table
+from vi_ekf_slam.evaluation.run_inputs import default_names
+from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
 
 STAMPS = drive()["time_stamps"][0]
 FRAMES = "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_ms"
@@ -197,7 +197,7 @@ def test_frames_without_times_are_drawn_all_the_same(full_run):
     path = full_run / "frames.csv"
     path.write_text("\n".join(line.rsplit(",", 1)[0] for line in path.read_text().splitlines()) + "\n")
     frames = read_frames(str(path))
-    assert "update_ms" not in frames and len(evaluation_plots.draw_frames("drive", frames).axes) == 2
+    assert "update_ms" not in frames and len(graphs.draw_frames("drive", frames).axes) == 2
     path.write_text(FRAMES + "\n")
     assert read_frames(str(path)) is None
     path.write_text("stamp,features\n1,2\n")
@@ -207,7 +207,7 @@ def test_frames_without_times_are_drawn_all_the_same(full_run):
 
 def test_pictures_over_time_say_what_they_show(full_run):
     frames = read_frames(str(full_run / "frames.csv"))
-    figure = evaluation_plots.draw_frames("drive", frames)
+    figure = graphs.draw_frames("drive", frames)
     assert [axes.get_ylabel() for axes in figure.axes] == ["features a frame", "NIS per dof", "frame time (ms)"]
     assert "frame rejected (1)" in [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
     assert "all frames: 0.900" in [t.get_text() for t in figure.axes[1].get_legend().get_texts()]
@@ -215,15 +215,15 @@ def test_pictures_over_time_say_what_they_show(full_run):
 
     stamps, poses = read_tum(str(full_run / "trajectory.tum"))
     covariances = read_covariances(str(full_run / "covariance.csv"), stamps)
-    figure = evaluation_plots.draw_errors("drive", judge_covariances(stamps, poses, covariances, (stamps, poses)))
+    figure = graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances, (stamps, poses)))
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels == ["x (m)", "y (m)", "z (m)", "roll (deg)", "pitch (deg)", "yaw (deg)", "NEES"]
     bound = figure.axes[3].collections[0].get_paths()[0].vertices[:, 1].max()
     assert bound == pytest.approx(np.degrees(0.03))  # three times 0.01 rad
-    assert len(evaluation_plots.draw_errors("drive", judge_covariances(stamps, poses, covariances)).axes) == 6
+    assert len(graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances)).axes) == 6
 
     evaluation = evaluate(stamps, poses, (stamps, poses))
-    figure = evaluation_plots.draw_drift("drive", evaluation_plots.drift_lines(None, [("SLAM", evaluation)]))
+    figure = graphs.draw_drift("drive", graphs.drift_lines(None, [("SLAM", evaluation)]))
     assert "too short" in figure.axes[1].texts[0].get_text()
 
 
@@ -232,13 +232,13 @@ def test_ellipses_do_not_pile_up():
     limits = ((0.0, 100.0), (0.0, 50.0))
     points = np.vstack([np.random.default_rng(1).uniform(10.0, 11.0, (100, 3)), [[60.0, 40.0, 0]], [[500.0, 0, 0]]])
     deviations = np.concatenate([np.arange(1.0, 101.0), [3.0, 4.0]])
-    assert list(plotting.spread_out(points, deviations, limits, 5.0)) == [49, 100]
+    assert list(top_view.spread_out(points, deviations, limits, 5.0)) == [49, 100]
 
 
 @pytest.mark.parametrize("deviation, factor", [(0.001, 100), (0.1, 10), (0.5, 2), (1.0, 1), (50.0, 1)])
 def test_ellipses_are_enlarged_until_they_are_seen(deviation, factor):
     # In squares of 5 m an ellipse may reach 2.5 m to a side, and reaches 2.45 deviations.
-    assert plotting.enlargement(np.full(9, deviation), 5.0) == factor
+    assert top_view.enlargement(np.full(9, deviation), 5.0) == factor
 
 
 def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
@@ -246,7 +246,7 @@ def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
     covariance = np.array([[[2.0, 1.0, 0], [1.0, 2.0, 0], [0, 0, 1.0]]])
     line = np.array([[0.0, 0, 0], [200.0, 100.0, 0]])
     landmark, deviation = np.array([[100.0, 50.0, 0]]), np.array([np.sqrt(3.0)])
-    figure = plotting.draw_run("drive", line, None, None, landmark, deviation, covariance)
+    figure = top_view.draw_run("drive", line, None, None, landmark, deviation, covariance)
     assert "ellipses: 95 % of 1 landmarks" in figure.axes[0].texts[0].get_text()
     outline = next(c for c in figure.axes[0].collections if c.__class__.__name__ == "LineCollection").get_segments()[0]
     radii = np.linalg.norm(outline - [100.0, 50.0], axis=1)

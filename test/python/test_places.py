@@ -8,7 +8,7 @@ import yaml
 from conftest import ROOT, data_file
 
 from vi_ekf_slam.bag.converter import main as convert
-from vi_ekf_slam.offline_run import judge, run_bag
+from vi_ekf_slam.evaluation.offline_run import judge, run_bag
 
 
 def with_places(folder):

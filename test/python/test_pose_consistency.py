@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
-from vi_ekf_slam.consistency import chi_square_bounds, nees, pose_errors
-from vi_ekf_slam.evaluation import judge_covariances
+from vi_ekf_slam.evaluation.against_truth import judge_covariances
+from vi_ekf_slam.evaluation.consistency import chi_square_bounds, nees, pose_errors
 
 
 def test_errors_are_about_the_axes_of_the_world():

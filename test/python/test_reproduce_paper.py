@@ -13,13 +13,13 @@ import pytest
 import yaml
 from conftest import HANG_S, ROOT, is_png, program, script_path
 
-from vi_ekf_slam import plotting
-from vi_ekf_slam.evaluation_report import ROWS, cell
+from vi_ekf_slam.evaluation import top_view
+from vi_ekf_slam.evaluation.report import ROWS, cell
+from vi_ekf_slam.evaluation.run_evaluator import judge_subject
+from vi_ekf_slam.evaluation.run_inputs import read_subject
 from vi_ekf_slam.paper_figures import METHODS, SIDES, draw_pair, figures_of
 from vi_ekf_slam.paper_page import make_page
 from vi_ekf_slam.paper_reproducer import make_configurations
-from vi_ekf_slam.run_evaluator import judge_subject
-from vi_ekf_slam.run_inputs import read_subject
 from vi_ekf_slam.simulation import main as simulate
 
 NUMBERS = (1, 2, 4, 5, 7, 8)  # of the figures of 0022 and 0027
@@ -172,7 +172,7 @@ def test_the_paper_has_the_values_that_the_page_names():
 
 
 def test_both_pictures_of_a_figure_have_one_view_and_one_scale(run, bag):
-    from vi_ekf_slam.run_inputs import read_bag
+    from vi_ekf_slam.evaluation.run_inputs import read_bag
     reference = read_bag(bag)
     right = read_subject(str(run), "right", reference)
     right.truth = reference.truth
@@ -198,7 +198,7 @@ def test_both_pictures_of_a_figure_have_one_view_and_one_scale(run, bag):
 def test_wide_ellipses_are_named_instead_of_drawn():
     circle = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [100.0, 100.0, 0.0]])
     landmarks, covariances = circle + [5.0, 5.0, 0.0], np.tile(300.0 * np.eye(3), (3, 1, 1))
-    figure = plotting.draw_trajectories("", [("SLAM", circle, {})], landmarks, np.full(3, 300.0 ** 0.5), covariances)
+    figure = top_view.draw_trajectories("", [("SLAM", circle, {})], landmarks, np.full(3, 300.0 ** 0.5), covariances)
     notes = [text.get_text() for text in figure.axes[0].texts]
     assert len(notes) == 1 and "3 landmarks\n95 % ellipses reach farther than 4.77 m and are not drawn" in notes[0]
 

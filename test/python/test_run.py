@@ -7,11 +7,11 @@ import pytest
 from conftest import LANDMARK_HEADER as HEADER
 from conftest import TRUE_POSITIONS, drive, is_png, tum
 
-from vi_ekf_slam import plotting
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, se3_exp
-from vi_ekf_slam.evaluation import anchor_truth, evaluate
-from vi_ekf_slam.run_io import read_run
+from vi_ekf_slam.evaluation import top_view
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, evaluate
+from vi_ekf_slam.evaluation.run_io import read_run
 
 STAMPS = drive()["time_stamps"][0]
 
@@ -95,9 +95,9 @@ def test_truth_is_anchored_rigidly_at_the_first_common_pose():
 
 def test_view_holds_every_trajectory_and_ignores_far_landmarks():
     line = np.array([[0.0, 0, 0], [100.0, 0, 0]])
-    (x_min, x_max), (y_min, y_max) = plotting.view_limits([line, line + [0, 30.0, 0]])
+    (x_min, x_max), (y_min, y_max) = top_view.view_limits([line, line + [0, 30.0, 0]])
     assert x_min < 0 and x_max > 100 and y_min < 0 and y_max > 30 and x_max - x_min < 150
-    assert plotting.count_outside(np.array([[50.0, 0, 0], [5000.0, 0, 0], [np.nan, 0, 0]]),
+    assert top_view.count_outside(np.array([[50.0, 0, 0], [5000.0, 0, 0], [np.nan, 0, 0]]),
                                   ((x_min, x_max), (y_min, y_max))) == 2
 
 
@@ -109,10 +109,10 @@ def texts(figure):
 def test_picture_says_what_it_shows(run):
     data = read_run(str(run))
     slam, dead = data.poses[:, :3, 3], data.dead_poses[:, :3, 3]
-    figure = plotting.draw_run("drive", slam, dead, slam, data.landmarks, data.horizontal_deviations())
+    figure = top_view.draw_run("drive", slam, dead, slam, data.landmarks, data.horizontal_deviations())
     assert texts(figure) == ["drive", "3 landmarks, 1 of them outside this view", "truth", "dead reckoning", "SLAM", "start"]
     assert figure.axes[0].get_aspect() in ("equal", 1.0) and figure.axes[0].get_xlabel() == "x (m)"
-    figure = plotting.draw_run("drive", slam, dead, None, data.landmarks[:0], np.zeros(0))
+    figure = top_view.draw_run("drive", slam, dead, None, data.landmarks[:0], np.zeros(0))
     assert texts(figure) == ["drive", "dead reckoning", "SLAM", "start"]
 
 

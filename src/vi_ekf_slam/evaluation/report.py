@@ -4,14 +4,14 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.consistency import chi_square_bounds
-from vi_ekf_slam.evaluation import RPE_METRES, RPE_SECONDS
-from vi_ekf_slam.metrics import mean_kitti_errors
-from vi_ekf_slam.run_io import FRAME_TIME
+from vi_ekf_slam.evaluation.against_truth import RPE_METRES, RPE_SECONDS
+from vi_ekf_slam.evaluation.consistency import chi_square_bounds
+from vi_ekf_slam.evaluation.metrics import mean_kitti_errors
+from vi_ekf_slam.evaluation.run_io import FRAME_TIME
 
 Result = namedtuple("Result", "subject slam dead_reckoning consistency")
-Result.__doc__ = """subject: run_inputs.Subject. slam, dead_reckoning: evaluation.Evaluation or None.
-consistency: evaluation.Consistency or None."""
+Result.__doc__ = """subject: run_inputs.Subject. slam, dead_reckoning: against_truth.Evaluation or None.
+consistency: against_truth.Consistency or None."""
 
 DRIFT_POINTS = 21  # places along the way at which evaluation.json states the position error
 

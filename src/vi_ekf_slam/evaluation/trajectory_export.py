@@ -4,8 +4,8 @@ import os
 
 from vi_ekf_slam.common.output_file import make_directory, write_text
 from vi_ekf_slam.dataset.pose_files import kitti_line, tum_line
-from vi_ekf_slam.evaluation import anchor_truth, match
-from vi_ekf_slam.metrics import left_camera_poses
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, match
+from vi_ekf_slam.evaluation.metrics import left_camera_poses
 
 
 def export(subject, folder, tum=True, kitti=False):

@@ -6,10 +6,10 @@ import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
-from vi_ekf_slam.consistency import nees, pose_errors
 from vi_ekf_slam.dataset.truth import sample_poses
-from vi_ekf_slam.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
-                                 left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors)
+from vi_ekf_slam.evaluation.consistency import nees, pose_errors
+from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
+                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors)
 
 RPE_SECONDS, RPE_METRES = 1.0, 10.0
 

@@ -7,9 +7,9 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.dataset.truth import BODIES
-from vi_ekf_slam.evaluation import anchor_truth, describe, evaluate, title_of_errors
-from vi_ekf_slam.run_inputs import find_truth, read_bag
-from vi_ekf_slam.run_io import read_run
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, describe, evaluate, title_of_errors
+from vi_ekf_slam.evaluation.run_inputs import find_truth, read_bag
+from vi_ekf_slam.evaluation.run_io import read_run
 
 
 def make_parser():
@@ -50,12 +50,12 @@ def plot_run(options):
         title += "\n" + title_of_errors(slam, dead)
         truth_line = anchor_truth(truth, run.stamps, run.poses)[:, :3, 3]
 
-    from vi_ekf_slam import plotting  # matplotlib is slow to load; complain about inputs first
-    figure = plotting.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,
+    from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
+    figure = top_view.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,
                                run.horizontal_deviations())
     for path, kind in outputs:
         with replacing(path) as stream:
-            plotting.save(figure, stream, kind)
+            top_view.save(figure, stream, kind)
         print("wrote: %s" % path)
 
 

@@ -8,11 +8,11 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.dataset.truth import BODIES
-from vi_ekf_slam.evaluation import evaluate, judge_covariances
-from vi_ekf_slam.evaluation_pictures import pictures_of_comparison, pictures_of_run, save_pictures
-from vi_ekf_slam.evaluation_report import DEFINITIONS, Result, table, to_data
-from vi_ekf_slam.run_inputs import default_names, find_truth, read_bag, read_subject
-from vi_ekf_slam.trajectory_export import export
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.pictures import pictures_of_comparison, pictures_of_run, save_pictures
+from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
+from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, read_bag, read_subject
+from vi_ekf_slam.evaluation.trajectory_export import export
 
 
 def make_parser():

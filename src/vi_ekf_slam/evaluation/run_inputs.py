@@ -5,7 +5,7 @@ import os
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.dataset.truth import load_truth
-from vi_ekf_slam.run_io import read_covariances, read_frames, read_run
+from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run
 
 
 class Subject:

@@ -3,15 +3,15 @@
 import os
 
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.evaluation import anchor_truth, title_of_errors
-from vi_ekf_slam.run_inputs import meets
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, title_of_errors
+from vi_ekf_slam.evaluation.run_inputs import meets
 
 # matplotlib is slow to load, so the functions that draw load it: inputs are complained about first.
 
 
 def pictures_of_run(result):
-    """(name, Figure) of everything that an evaluation_report.Result allows to draw, one after the other."""
-    from vi_ekf_slam import evaluation_plots, plotting
+    """(name, Figure) of everything that an report.Result allows to draw, one after the other."""
+    from vi_ekf_slam.evaluation import graphs, top_view
     subject, run = result.subject, result.subject.run
     title = subject.name + ("\n" + title_of_errors(result.slam, result.dead_reckoning) if result.slam else "")
     slam = subject.poses[:, :3, 3]
@@ -19,27 +19,27 @@ def pictures_of_run(result):
     truth = None
     if subject.truth is not None:
         truth = anchor_truth(subject.truth, subject.stamps, subject.poses)[:, :3, 3]
-    yield ("trajectory", plotting.draw_run(title, slam, dead, truth, (), ()))
+    yield ("trajectory", top_view.draw_run(title, slam, dead, truth, (), ()))
     if run and len(run.landmarks):
         note = "" if truth is None else ", the truth from a common start"
-        figure = plotting.draw_run(subject.name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
+        figure = top_view.draw_run(subject.name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
                                    run.horizontal_deviations(), run.landmark_covariances)
         yield ("landmarks", figure)
     if result.consistency:
         what = ": pose of the IMU, error and 3-sigma bounds about the world's axes" if subject.truth is not None else \
             ": pose of the IMU, 3-sigma bounds about the world's axes (no truth)"
-        yield ("errors", evaluation_plots.draw_errors(subject.name + what, result.consistency))
+        yield ("errors", graphs.draw_errors(subject.name + what, result.consistency))
     if subject.frames:
-        yield ("frames", evaluation_plots.draw_frames(subject.name + ": stereo frames", subject.frames))
+        yield ("frames", graphs.draw_frames(subject.name + ": stereo frames", subject.frames))
     if result.slam:
-        lines = evaluation_plots.drift_lines(result.dead_reckoning, [("SLAM", result.slam)])
-        yield ("drift", evaluation_plots.draw_drift(
+        lines = graphs.drift_lines(result.dead_reckoning, [("SLAM", result.slam)])
+        yield ("drift", graphs.draw_drift(
             "%s: drift of the %s from a common start" % (subject.name, result.slam.body), lines))
 
 
 def pictures_of_comparison(results):
     """(name, Figure) of all runs that overlap the first in time, laid onto its start; nothing if there is only one."""
-    from vi_ekf_slam import evaluation_plots, plotting
+    from vi_ekf_slam.evaluation import graphs, top_view
     first = results[0]
     alike = [r for r in results if meets(r.subject, first.subject)]
     if len(alike) < 2:
@@ -48,30 +48,30 @@ def pictures_of_comparison(results):
     lines = []
     truth = next((r.subject.truth for r in alike if r.subject.truth is not None), None)
     if truth is not None:
-        lines.append(("truth", anchor_truth(truth, *origin)[:, :3, 3], plotting.TRUTH_STYLE))
+        lines.append(("truth", anchor_truth(truth, *origin)[:, :3, 3], top_view.TRUTH_STYLE))
     dead = next((r for r in alike if r.subject.dead_reckoning), None)
     if dead is not None:
         lines.append(("dead reckoning", anchor_truth(dead.subject.dead_reckoning, *origin)[:, :3, 3],
-                      plotting.DEAD_RECKONING_ON_TOP))
-    for result, style in zip(alike, evaluation_plots.line_styles(len(alike))):
+                      top_view.DEAD_RECKONING_ON_TOP))
+    for result, style in zip(alike, graphs.line_styles(len(alike))):
         subject = result.subject
         lines.append((subject.name, anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3], style))
-    yield ("comparison", plotting.draw_trajectories("%d runs from a common start" % len(alike), lines))
+    yield ("comparison", top_view.draw_trajectories("%d runs from a common start" % len(alike), lines))
     judged = [(r.subject.name, r.slam) for r in alike if r.slam]
     if judged:
         dead = next((r.dead_reckoning for r in alike if r.dead_reckoning), None)
-        yield ("comparison_drift", evaluation_plots.draw_drift(
+        yield ("comparison_drift", graphs.draw_drift(
             "drift of the %s from a common start" % " or ".join(sorted({e.body for _, e in judged})),
-            evaluation_plots.drift_lines(dead, judged)))
+            graphs.drift_lines(dead, judged)))
 
 
 def save_pictures(pictures, folder):
     """Write (name, Figure) as folder/evaluation_NAME.png and .svg; yields the paths without suffix."""
-    from vi_ekf_slam import plotting
+    from vi_ekf_slam.evaluation import top_view
     for name, figure in pictures:
         stem = os.path.join(folder, "evaluation_" + name)
         for kind in ("png", "svg"):
             check_output(stem + "." + kind)
             with replacing(stem + "." + kind) as stream:
-                plotting.save(figure, stream, kind)
+                top_view.save(figure, stream, kind)
         yield stem

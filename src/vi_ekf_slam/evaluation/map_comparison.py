@@ -17,8 +17,8 @@ from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.common.errors import InputError  # noqa: E402
 from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402
 from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
-from vi_ekf_slam.plotting import view_limits  # noqa: E402
-from vi_ekf_slam.run_io import LANDMARK_COLUMNS, read_run  # noqa: E402
+from vi_ekf_slam.evaluation.run_io import LANDMARK_COLUMNS, read_run  # noqa: E402
+from vi_ekf_slam.evaluation.top_view import view_limits  # noqa: E402
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
 LEAST_FRAMES = 10  # landmarks that were seen less often blur any map

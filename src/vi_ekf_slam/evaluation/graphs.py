@@ -8,10 +8,10 @@ import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import ScalarFormatter  # noqa: E402
 
-from vi_ekf_slam.consistency import POSE_AXES, chi_square_bounds  # noqa: E402
-from vi_ekf_slam.metrics import KITTI_LENGTHS, mean_kitti_errors  # noqa: E402
-from vi_ekf_slam.plotting import DEAD_RECKONING_ON_TOP, SLAM_STYLE  # noqa: E402
-from vi_ekf_slam.run_io import FRAME_TIME  # noqa: E402
+from vi_ekf_slam.evaluation.consistency import POSE_AXES, chi_square_bounds  # noqa: E402
+from vi_ekf_slam.evaluation.metrics import KITTI_LENGTHS, mean_kitti_errors  # noqa: E402
+from vi_ekf_slam.evaluation.run_io import FRAME_TIME  # noqa: E402
+from vi_ekf_slam.evaluation.top_view import DEAD_RECKONING_ON_TOP, SLAM_STYLE  # noqa: E402
 
 NEES_FLOOR = 0.1  # of the axis; below it an error is of no interest
 
@@ -104,7 +104,7 @@ def _draw_nis(axes, time, frames):
 
 
 def draw_drift(title, lines):
-    """Position error over distance, and KITTI's errors by length. lines: (label, evaluation.Evaluation, style)."""
+    """Position error over distance, and KITTI's errors by length. lines: (label, against_truth.Evaluation, style)."""
     figure = Figure(figsize=(11.0, 8.0), dpi=110)
     grid = figure.add_gridspec(2, 2, hspace=0.35, wspace=0.22, top=0.91)
     error = figure.add_subplot(grid[0, :])
