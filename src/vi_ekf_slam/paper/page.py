@@ -6,7 +6,7 @@ import struct
 from html import escape
 
 from vi_ekf_slam.evaluation.report import DEFINITIONS, ROWS, cell
-from vi_ekf_slam.paper_figures import DRIVES, KINDS, METHODS, SIDES, figures_of
+from vi_ekf_slam.paper.figures import DRIVES, KINDS, METHODS, SIDES, figures_of
 
 GLANCE = [row for row in ROWS if row[3][-1] in ("ate_m", "t_rel_percent", "r_rel_deg_per_100m", "pose_nees")]
 

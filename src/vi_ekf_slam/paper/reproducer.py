@@ -21,8 +21,8 @@ from vi_ekf_slam.evaluation.offline_run import run_bag
 from vi_ekf_slam.evaluation.report import DEFINITIONS, to_data
 from vi_ekf_slam.evaluation.run_evaluator import judge_subject
 from vi_ekf_slam.evaluation.run_inputs import read_bag, read_subject
-from vi_ekf_slam.paper_figures import DRIVES, KINDS, METHODS, SIDES, draw_pair, figures_of, picture_name, to_bytes
-from vi_ekf_slam.paper_page import make_page
+from vi_ekf_slam.paper.figures import DRIVES, KINDS, METHODS, SIDES, draw_pair, figures_of, picture_name, to_bytes
+from vi_ekf_slam.paper.page import make_page
 
 PAGE, NUMBERS = "reproduce_paper.html", "reproduce_paper.json"
 TRUTH_SUFFIX = "_truth_left_camera.txt"
