@@ -30,7 +30,7 @@ content() { cat "$@" | sha256sum | cut -d' ' -f1; }
 
 if [ -z "$dataset" ]; then
   dataset="$output/$name.npz"
-  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation.py")"
+  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation/simulator.py")"
   if is_current "$dataset" "$key"; then
     say "using $dataset again"
   else

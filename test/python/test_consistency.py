@@ -13,7 +13,7 @@ import yaml
 from conftest import HANG_S, ROOT
 
 from vi_ekf_slam.evaluation.consistency import chi_square_bounds
-from vi_ekf_slam.simulation import find_program
+from vi_ekf_slam.simulation.simulator import find_program
 
 CONFIG = os.path.join(ROOT, "config", "default.yaml")
 SEEDS = 14

@@ -9,7 +9,7 @@ from conftest import ROOT, data_file
 from vi_ekf_slam.bag import degrader
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.evaluation.offline_run import judge, run_bag
-from vi_ekf_slam.simulation import main as simulate
+from vi_ekf_slam.simulation.simulator import main as simulate
 
 CONFIG = os.path.join(ROOT, "config", "default.yaml")
 FACTOR = 1.1  # of the ATE of dead reckoning on that very bag

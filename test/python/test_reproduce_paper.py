@@ -20,7 +20,7 @@ from vi_ekf_slam.evaluation.run_inputs import read_subject
 from vi_ekf_slam.paper.figures import METHODS, SIDES, draw_pair, figures_of
 from vi_ekf_slam.paper.page import make_page
 from vi_ekf_slam.paper.reproducer import make_configurations
-from vi_ekf_slam.simulation import main as simulate
+from vi_ekf_slam.simulation.simulator import main as simulate
 
 NUMBERS = (1, 2, 4, 5, 7, 8)  # of the figures of 0022 and 0027
 

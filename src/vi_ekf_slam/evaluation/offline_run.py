@@ -11,7 +11,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.truth import sample_poses
 from vi_ekf_slam.evaluation.against_truth import evaluate
 from vi_ekf_slam.evaluation.run_io import read_run
-from vi_ekf_slam.simulation import find_program
+from vi_ekf_slam.simulation.simulator import find_program
 
 Judgement = namedtuple("Judgement", "slam dead_reckoning way")
 Judgement.__doc__ = """slam, dead_reckoning: against_truth.Evaluation. way: length of the true path in m."""
