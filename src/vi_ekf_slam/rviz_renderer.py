@@ -16,7 +16,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.common.stop_signals import signals_unwind
-from vi_ekf_slam.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
+from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz_config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
 from vi_ekf_slam.rviz_session import RvizSession
 

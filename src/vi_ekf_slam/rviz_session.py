@@ -10,7 +10,7 @@ import sys
 import time
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.private_ros import child
+from vi_ekf_slam.ros.private_ros import child
 
 START_LIMIT_S, ANSWER_LIMIT_S = 120.0, 60.0
 ERROR_LINE = re.compile(r"^\W*(?:\x1b\[[0-9;]*m)?\[(?:ERROR|FATAL)\]\s*(.*?)(?:\x1b\[[0-9;]*m)?$")

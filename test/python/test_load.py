@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from vi_ekf_slam.load_test import DROPS, Street, account
+from vi_ekf_slam.ros.load_test import DROPS, Street, account
 
 
 def test_400_hz_imu_and_30_hz_features_nothing_lost_unreported(script):

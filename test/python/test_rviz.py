@@ -13,7 +13,7 @@ import yaml
 from conftest import HANG_S, ROOT, script_path
 from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_picture, share_hit
 
-from vi_ekf_slam.private_ros import child, ros_master
+from vi_ekf_slam.ros.private_ros import child, ros_master
 
 SIZE = (900, 600)
 OUTPUT_TOPICS = {"/path", "/dead_reckoning/path", "/ground_truth/path", "/landmarks", "/landmark_cloud", "/odometry",

@@ -14,7 +14,7 @@ import yaml
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.package_files import package_file
-from vi_ekf_slam.private_ros import child, ros_master, set_parameter
+from vi_ekf_slam.ros.private_ros import child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s
 FX, CX, CY, BASELINE, WIDTH, HEIGHT = 700.0, 620.0, 190.0, 0.54, 1240, 380
