@@ -10,7 +10,7 @@ from vi_ekf_slam.evaluation.run_inputs import meets
 
 
 def pictures_of_run(result):
-    """(name, Figure) of everything that an report.Result allows to draw, one after the other."""
+    """(name, Figure) of everything that a report.Result allows to draw, one after the other."""
     from vi_ekf_slam.evaluation import graphs, top_view
     subject, run = result.subject, result.subject.run
     title = subject.name + ("\n" + title_of_errors(result.slam, result.dead_reckoning) if result.slam else "")

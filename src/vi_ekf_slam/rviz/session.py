@@ -1,4 +1,4 @@
-"""The other end of rviz_viewer: starts rviz as a process and asks it."""
+"""The other end of viewer.py: starts rviz as a process and asks it."""
 
 import importlib.util
 import json
@@ -28,7 +28,7 @@ class RvizSession:
         home, runtime = os.path.join(folder, "home"), os.path.join(folder, "runtime")
         os.mkdir(home)  # rviz keeps its settings there; the user's are not ours to read or to change
         os.mkdir(runtime, 0o700)
-        self.command = [sys.executable, "-m", "vi_ekf_slam.rviz_viewer", config] + [str(length) for length in size]
+        self.command = [sys.executable, "-m", "vi_ekf_slam.rviz.viewer", config] + [str(length) for length in size]
         self.environment = dict(environment, HOME=home, XDG_RUNTIME_DIR=runtime, LIBGL_ALWAYS_SOFTWARE="1",
                                 QT_X11_NO_MITSHM="1", ROSCONSOLE_FORMAT="[${severity}] ${message}")
         self.child = self.process = self.log = None
@@ -53,7 +53,7 @@ class RvizSession:
         self.log.close()
 
     def ask(self, action, **arguments):
-        """The answer (dict) to a request of rviz_viewer."""
+        """The answer (dict) to a request of viewer.py."""
         try:
             self.process.stdin.write((json.dumps(dict(arguments, do=action)) + "\n").encode("utf-8"))
             self.process.stdin.flush()

@@ -1,6 +1,6 @@
 """A real rviz that answers questions: its displays' statuses, its clock, a picture of its view.
 
-Runs as a process of its own under an X server (python3 -m vi_ekf_slam.rviz_viewer CONFIG WIDTH HEIGHT) and talks in
+Runs as a process of its own under an X server (python3 -m vi_ekf_slam.rviz.viewer CONFIG WIDTH HEIGHT) and talks in
 lines of JSON: a request {"do": NAME, ...} on standard input, its answer on standard output; the first line that it
 writes says that it is ready. What rviz itself prints goes to standard error.
 """
@@ -16,7 +16,7 @@ from python_qt_binding.QtGui import QColor
 from python_qt_binding.QtWidgets import QApplication, QDockWidget, QToolBar, QWidget
 from rviz import bindings
 
-from vi_ekf_slam.rviz_config import load_config, topic_displays
+from vi_ekf_slam.rviz.config import load_config, topic_displays
 
 # Of rviz, the colours by which it shows how bad a status is.
 WARNING = QColor(192, 128, 0)

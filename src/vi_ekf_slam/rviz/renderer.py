@@ -10,15 +10,15 @@ import time
 
 from tqdm import tqdm
 
-from vi_ekf_slam import ros_offer
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
-from vi_ekf_slam.rviz_config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
-from vi_ekf_slam.rviz_session import RvizSession
+from vi_ekf_slam.rviz import offers
+from vi_ekf_slam.rviz.config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
+from vi_ekf_slam.rviz.session import RvizSession
 
 EXIT_FAILED = 1
 LIMITS = (200, 4096)  # px
@@ -81,7 +81,7 @@ def player_command(options, offer, displays, folder):
         command = [find_program("roslaunch", "python3-roslaunch"), "vi_ekf_slam", "slam.launch", "bag:=" + bag,
                    "rate:=%g" % options.rate, "output_dir:=" + os.path.join(folder, "run")]
         return command + (["config:=" + os.path.abspath(options.params)] if options.params else [])
-    shown = sorted({d.topic for d in displays if d.topic in offer.topics} | set(ros_offer.TF_TOPICS))
+    shown = sorted({d.topic for d in displays if d.topic in offer.topics} | set(offers.TF_TOPICS))
     return [find_program("rosbag", "python3-rosbag"), "play", "--clock", "--keep-alive", "--quiet",
             "--delay=%g" % PLAYER_DELAY_S, "--rate=%g" % options.rate, bag, "--topics"] + shown
 
@@ -90,7 +90,7 @@ def prepare_config(options, folder):
     """(path of the configuration to show, its displays, the bag's Offer)."""
     config = load_config(options.config or shipped_path())
     displays = topic_displays(config)
-    offer = ros_offer.read_bag(options.bag, [d.topic for d in displays])
+    offer = offers.read_bag(options.bag, [d.topic for d in displays])
     missing = [d.name for d in displays if d.topic not in offer.topics]
     if TRUTH in missing:
         without_truth(config)

@@ -1,7 +1,7 @@
 """Does what a configuration asks for exist? Each check names what is missing and lists what there is."""
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.rviz_config import FRAMES, TRUTH
+from vi_ekf_slam.rviz.config import FRAMES, TRUTH
 
 
 def check(offer, displays, frames):

@@ -6,9 +6,9 @@ import re
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.rviz_checks import check
-from vi_ekf_slam.rviz_config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
+from vi_ekf_slam.rviz.config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
                                      topic_displays)
+from vi_ekf_slam.rviz.offer_checks import check
 
 TOPIC_NAME = re.compile(r"^[A-Za-z/][A-Za-z0-9_/]*$")
 SHIPPED_TRUTH = "/ground_truth/path"
@@ -88,9 +88,9 @@ def export(options):
     set_frames(config, {FRAMES[option]: frame for option, frame in frames.items()})
     displays = topic_displays(config)
     if options.bag or options.check_graph:
-        from vi_ekf_slam import ros_offer  # needs a ROS installation's Python halves; the rest needs none
-        offer = ros_offer.read_bag(options.bag, [d.topic for d in displays]) if options.bag \
-            else ros_offer.read_graph(frames.values())
+        from vi_ekf_slam.rviz import offers  # needs a ROS installation's Python halves; the rest needs none
+        offer = offers.read_bag(options.bag, [d.topic for d in displays]) if options.bag \
+            else offers.read_graph(frames.values())
         if options.truth == SHIPPED_TRUTH and options.truth not in offer.topics:
             print("%s has no truth: its display is left out" % offer.source)
             set_topic(config, DISPLAYS["truth"], "")
