@@ -25,8 +25,8 @@ say "running the Python tests in the background"
 python_tests() {
   nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
 }
-long=("$root"/test/python/test_{accuracy,consistency,degradation,real_drives,soak}.py)
-fuzz="$root/test/python/test_fuzz.py"
+long=("$root"/test/python/studies/test_{accuracy,consistency,degradation,real_drives,soak}.py)
+fuzz="$root/test/python/package/test_fuzz.py"
 python_tests fuzz "$fuzz" &
 jobs=($!)
 python_tests long "${long[@]}" &

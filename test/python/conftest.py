@@ -1,5 +1,9 @@
-"""Shared parts of the Python tests. Run after sourcing the devel space: python3 -m pytest test/python"""
+"""Shared parts of the Python tests. Run after sourcing the devel space: python3 -m pytest test/python
 
+Files have names of their own across the folders, which are no packages.
+"""
+
+import io
 import os
 import subprocess
 import sys
@@ -78,6 +82,13 @@ def second_edition(**changes):
     del arrays["cam_T_imu"]
     arrays["imu_T_cam"] = np.vstack([np.column_stack([CAM_R_IMU.T, CAMERA_IN_IMU]), [0, 0, 0, 1]])
     return arrays
+
+
+def npy_header(shape, dtype="<f8"):
+    """The first bytes of an .npy that promises an array of this shape and kind."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return stream.getvalue()
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Loading drives: both editions, and everything that must be refused with a clear word."""
 
-import io
 import os
 import re
 import struct
@@ -8,7 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import CAM_R_IMU, CAMERA_IN_IMU, drive, second_edition
+from conftest import CAM_R_IMU, CAMERA_IN_IMU, drive, npy_header, second_edition
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.loader import load_dataset
@@ -169,12 +168,6 @@ def test_object_arrays_are_never_unpickled(tmp_path):
     with pytest.raises(InputError, match="features' holds pickled Python objects"):
         load_dataset(path)
     assert not (tmp_path / "sprung").exists()
-
-
-def npy_header(shape, dtype="<f8"):
-    stream = io.BytesIO()
-    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
-    return stream.getvalue()
 
 
 def save_with_member(tmp_path, key, content, compression=zipfile.ZIP_DEFLATED):

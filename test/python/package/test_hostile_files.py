@@ -11,8 +11,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import HANG_S, drive, program, script_path
-from test_dataset import npy_header
+from conftest import HANG_S, drive, npy_header, program, script_path
 
 from vi_ekf_slam.bag.messages import LEFT_FRAME
 
