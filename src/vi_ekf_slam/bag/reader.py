@@ -1,12 +1,9 @@
 """What an evaluation needs from a bag: frame stamps, the extrinsic and the recorded ground truth."""
 
-import os
-
 import numpy as np
-import rosbag
 
 from vi_ekf_slam.bag.limits import require_small_chunks
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.bag.opening import open_bag
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 
 
@@ -23,24 +20,19 @@ def read_reference(path):
     The camera's frame is the one that /features names and the IMU's the one that /imu names; the extrinsic is the
     transform between the two on /tf_static, in either direction.
     """
-    if not os.path.isfile(path):
-        raise InputError("%s: no such file" % path)
     stamps, frames, transforms, truth = [], {}, [], None
-    try:
-        with rosbag.Bag(path) as bag:
-            require_small_chunks(bag, path)
-            topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
-            for topic, message, _ in bag.read_messages(topics):
-                if topic == "/tf_static":
-                    transforms.extend(message.transforms)
-                elif topic == "/ground_truth/path":
-                    truth = _read_path(message)
-                else:
-                    frames.setdefault(topic, message.header.frame_id)
-                    if topic == "/features":
-                        stamps.append(message.header.stamp.to_sec())
-    except Exception as reason:  # on damaged bags rosbag raises whatever comes up: KeyError, struct.error, ...
-        raise InputError("%s: cannot be read as a bag: %s" % (path, str(reason) or type(reason).__name__))
+    with open_bag(path) as bag:
+        require_small_chunks(bag, path)
+        topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
+        for topic, message, _ in bag.read_messages(topics):
+            if topic == "/tf_static":
+                transforms.extend(message.transforms)
+            elif topic == "/ground_truth/path":
+                truth = _read_path(message)
+            else:
+                frames.setdefault(topic, message.header.frame_id)
+                if topic == "/features":
+                    stamps.append(message.header.stamp.to_sec())
     return Reference(np.array(stamps), _find_extrinsic(transforms, frames.get("/features"), frames.get("/imu")), truth)
 
 

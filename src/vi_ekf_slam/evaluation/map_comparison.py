@@ -8,11 +8,11 @@ import matplotlib
 matplotlib.use("Agg")  # files only; a machine without a display must do
 
 import numpy as np  # noqa: E402
-import rosbag  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.patches import Rectangle  # noqa: E402
 
 from vi_ekf_slam.bag.limits import require_small_chunks  # noqa: E402
+from vi_ekf_slam.bag.opening import open_bag  # noqa: E402
 from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.common.errors import InputError  # noqa: E402
 from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402
@@ -42,18 +42,13 @@ class Map:
 
 def read_tracks(path, topic):
     """{id: (frames in which it is seen, share of the drive, 0 to 1, after which it is not any more)} of a bag's features."""
-    if not os.path.isfile(path):
-        raise InputError("%s: no such file" % path)
     stamps, tracks = [], {}
-    try:
-        with rosbag.Bag(path) as bag:
-            require_small_chunks(bag, path)
-            for _, message, _ in bag.read_messages([topic]):
-                stamps.append(message.header.stamp.to_sec())
-                for feature in message.features:
-                    tracks[feature.id] = (tracks.get(feature.id, (0, 0.0))[0] + 1, stamps[-1])
-    except Exception as reason:  # on damaged bags rosbag raises whatever comes up: KeyError, struct.error, ...
-        raise InputError("%s: cannot be read as a bag: %s" % (path, str(reason) or type(reason).__name__))
+    with open_bag(path) as bag:
+        require_small_chunks(bag, path)
+        for _, message, _ in bag.read_messages([topic]):
+            stamps.append(message.header.stamp.to_sec())
+            for feature in message.features:
+                tracks[feature.id] = (tracks.get(feature.id, (0, 0.0))[0] + 1, stamps[-1])
     if not tracks:
         raise InputError("%s: has no features on %s" % (path, topic))
     length = max(stamps[-1] - stamps[0], 1e-9)

@@ -1,8 +1,8 @@
 """What a bag or a running graph offers to rviz: topics with their types, frames, and which frames are connected."""
 
-import os
 import time
 
+from vi_ekf_slam.bag.opening import open_bag
 from vi_ekf_slam.common.errors import InputError
 
 TF_TOPICS = ("/tf", "/tf_static")
@@ -47,25 +47,19 @@ class Offer:
 
 def read_bag(path, topics):
     """The Offer of a bag; header frames are read of `topics` and of /imu. InputError when it is no bag."""
-    import rosbag
-    if not os.path.isfile(path):
-        raise InputError("%s: no such file" % path)
-    try:
-        with rosbag.Bag(path) as bag:
-            offer = Offer(path, {name: info.msg_type for name, info in bag.get_type_and_topic_info().topics.items()})
-            if not offer.topics:
-                raise ValueError("it is empty")
-            offer.start, offer.end = bag.get_start_time(), bag.get_end_time()
-            for topic in set(topics) | {"/imu"}:
-                for _, message, _ in bag.read_messages([topic]):
-                    frame = _header_frame(message)
-                    if frame:
-                        offer.headers[topic] = frame
-                        break
-            for _, message, _ in bag.read_messages([t for t in TF_TOPICS if t in offer.topics] or [""]):
-                offer.add_transforms(message)
-    except Exception as reason:  # on damaged bags rosbag raises whatever comes up: KeyError, struct.error, ...
-        raise InputError("%s: cannot be read as a bag: %s" % (path, str(reason) or type(reason).__name__))
+    with open_bag(path) as bag:
+        offer = Offer(path, {name: info.msg_type for name, info in bag.get_type_and_topic_info().topics.items()})
+        if not offer.topics:
+            raise ValueError("it is empty")
+        offer.start, offer.end = bag.get_start_time(), bag.get_end_time()
+        for topic in set(topics) | {"/imu"}:
+            for _, message, _ in bag.read_messages([topic]):
+                frame = _header_frame(message)
+                if frame:
+                    offer.headers[topic] = frame
+                    break
+        for _, message, _ in bag.read_messages([t for t in TF_TOPICS if t in offer.topics] or [""]):
+            offer.add_transforms(message)
     return offer
 
 
