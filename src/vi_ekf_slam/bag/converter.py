@@ -1,9 +1,6 @@
 """Command line of dataset_to_bag.py."""
 
 import argparse
-import sys
-
-from tqdm import tqdm
 
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
@@ -92,12 +89,7 @@ def _bag_writer():
 
 
 def _write(options, dataset, repair, truth):
-    writer = _bag_writer()
-    recording = writer.messages(dataset, None if repair is None else repair.ids, options.gyro_sigma,
-                                options.velocity_sigma, truth)
-    # Nothing but the terminal is worth a bar; a log would hold a thousand copies of it.
-    with tqdm(recording, desc="messages", unit="", disable=options.quiet or not sys.stderr.isatty()) as progress:
-        count = writer.write_bag(options.output, progress)
+    count = _bag_writer().record(dataset, None if repair is None else repair.ids, truth, options)
     if not options.quiet:
         print("wrote: %s, %d messages" % (options.output, count))
 

@@ -1,9 +1,6 @@
 """Command line of degraded_bag.py."""
 
 import argparse
-import sys
-
-from tqdm import tqdm
 
 from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.common import checks
@@ -98,9 +95,7 @@ def write(options, drive=None):
     check(options)
     dataset, ids, truth = degraded(options, drive or load_drive(options.input, options.truth))
     from vi_ekf_slam.bag import writer  # needs ROS; complain about inputs first
-    recording = writer.messages(dataset, ids, options.gyro_sigma, options.velocity_sigma, truth)
-    with tqdm(recording, desc="messages", unit="", disable=options.quiet or not sys.stderr.isatty()) as progress:
-        count = writer.write_bag(options.output, progress)
+    count = writer.record(dataset, ids, truth, options)
     if not options.quiet:
         print("features: %.1f a frame in the mean" % dataset.seen.sum(axis=0).mean())
         print("wrote: %s, %d messages" % (options.output, count))

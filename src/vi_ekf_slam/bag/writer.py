@@ -5,8 +5,11 @@ Topics: /tf_static, /ground_truth/path (both latched, once, first), /left/camera
 Connections are first used in the same order, which is how readers that merge connections break ties.
 """
 
+import sys
+
 import numpy as np
 import rosbag
+from tqdm import tqdm
 
 from vi_ekf_slam.bag import messages as make
 from vi_ekf_slam.common.output_file import replacing
@@ -47,6 +50,17 @@ def messages(dataset, ids, gyro_sigma, velocity_sigma, truth=None):
         while n < len(truth_stamps) and truth_stamps[n] == stamp:
             yield POSE_TOPIC, truth_stamps[n], make.truth_pose(truth_stamps[n], truth_poses[n], n)
             n += 1
+
+
+def record(dataset, ids, truth, options):
+    """Write a drive to options.output, with a bar unless options.quiet; returns the number of messages.
+
+    dataset, ids, truth, options.gyro_sigma and options.velocity_sigma: as in messages().
+    """
+    recording = messages(dataset, ids, options.gyro_sigma, options.velocity_sigma, truth)
+    # Nothing but the terminal is worth a bar; a log would hold a thousand copies of it.
+    with tqdm(recording, desc="messages", unit="", disable=options.quiet or not sys.stderr.isatty()) as progress:
+        return write_bag(options.output, progress)
 
 
 def write_bag(path, recording):
