@@ -4,10 +4,10 @@ import csv
 import os
 
 import numpy as np
-import yaml
 
 from vi_ekf_slam.common.csv_columns import read_columns
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.yaml_file import read_yaml
 from vi_ekf_slam.dataset.pose_files import read_tum
 
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
@@ -87,11 +87,7 @@ def read_summary(path):
     """summary.yaml -> dict; a run without one has an empty summary."""
     if not os.path.exists(path):
         return {}
-    try:
-        with open(path, encoding="utf-8") as stream:
-            summary = yaml.safe_load(stream)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
+    summary = read_yaml(path)
     if not isinstance(summary, dict):
         raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
     return summary

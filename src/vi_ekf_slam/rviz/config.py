@@ -4,6 +4,7 @@ import yaml
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.package_files import package_file
+from vi_ekf_slam.common.yaml_file import read_yaml
 
 # rviz class: (key of the topic, its type).
 TOPIC_DISPLAYS = {
@@ -36,11 +37,7 @@ def shipped_path():
 
 def load_config(path):
     """A configuration as nested dicts; InputError names the file and what is wrong with it."""
-    try:
-        with open(path, encoding="utf-8") as stream:
-            config = yaml.safe_load(stream)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
+    config = read_yaml(path)
     manager = config.get("Visualization Manager") if isinstance(config, dict) else None
     displays = manager.get("Displays") if isinstance(manager, dict) else None
     if not isinstance(displays, list) or not all(isinstance(d, dict) and "Class" in d for d in displays):
