@@ -1,4 +1,4 @@
-"""Files that come with the package: configurations for the estimator and for rviz."""
+"""What comes with the package: configurations for the estimator and for rviz, and its programs."""
 
 import os
 
@@ -12,3 +12,18 @@ def package_file(*parts):
         return os.path.join(get_pkg_dir("vi_ekf_slam"), *parts)
     except InvalidROSPkgException as reason:
         raise InputError("%s; source the workspace's setup.bash" % reason)
+
+
+def package_program(name):
+    """Path of one of the package's programs in the workspace that is sourced."""
+    try:
+        from roslib.packages import ROSPkgException, find_node
+    except ImportError as reason:
+        raise InputError("%s; source the workspace's setup.bash" % reason)
+    try:
+        paths = find_node("vi_ekf_slam", name)
+    except ROSPkgException:
+        paths = []
+    if not paths:
+        raise InputError("%s is not found; build the package and source the workspace's setup.bash" % name)
+    return paths[0]

@@ -8,10 +8,10 @@ import numpy as np
 
 from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.package_files import package_program
 from vi_ekf_slam.dataset.truth import sample_poses
 from vi_ekf_slam.evaluation.against_truth import evaluate
 from vi_ekf_slam.evaluation.run_io import read_run
-from vi_ekf_slam.simulation.simulator import find_program
 
 Judgement = namedtuple("Judgement", "slam dead_reckoning way")
 Judgement.__doc__ = """slam, dead_reckoning: against_truth.Evaluation. way: length of the true path in m."""
@@ -19,7 +19,7 @@ Judgement.__doc__ = """slam, dead_reckoning: against_truth.Evaluation. way: leng
 
 def run_bag(bag, config, output, *options):
     """Run run_bag on `bag` with the file `config` into the directory `output`; InputError with its complaint."""
-    done = subprocess.run([find_program("run_bag"), bag, "--config", config, "--output", output, "--quiet", *options],
+    done = subprocess.run([package_program("run_bag"), bag, "--config", config, "--output", output, "--quiet", *options],
                           stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True, check=False)
     if done.returncode != 0:
         raise InputError("%s: %s" % (os.path.basename(bag), done.stderr.strip() or "run_bag failed"))

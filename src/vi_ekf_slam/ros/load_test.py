@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.package_files import package_file
+from vi_ekf_slam.common.package_files import package_file, package_program
 from vi_ekf_slam.ros.private_ros import child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s
@@ -239,11 +239,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     try:
         options.config = options.config or package_file("config", "default.yaml")
-        if options.node is None:
-            from roslib.packages import find_node
-            options.node = (find_node("vi_ekf_slam", "slam_node") or [None])[0]
-            if options.node is None:
-                raise InputError("slam_node is not built, or its workspace is not sourced")
+        options.node = package_program("slam_node") if options.node is None else options.node
         with tempfile.TemporaryDirectory(prefix="vi_ekf_slam_load_") as folder:
             unaccounted, late = report(*measure(options, folder))
     except (InputError, OSError) as error:

@@ -16,6 +16,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.common.package_files import package_program
 from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB
 from vi_ekf_slam.dataset.pose_files import tum_line
 
@@ -23,21 +24,6 @@ PROGRAM = "simulate_drive"
 UNSEEN = -1.0
 EDITIONS = ("original", "modern")
 NANOSECONDS = 10**9
-
-
-def find_program(name=PROGRAM):
-    """Path of one of the package's programs in the workspace that is sourced."""
-    try:
-        from roslib.packages import ROSPkgException, find_node
-    except ImportError as reason:
-        raise InputError("%s; source the workspace's setup.bash" % reason)
-    try:
-        paths = find_node("vi_ekf_slam", name)
-    except ROSPkgException:
-        paths = []
-    if not paths:
-        raise InputError("%s is not found; build the package and source the workspace's setup.bash" % name)
-    return paths[0]
 
 
 def make_parser(program):
@@ -143,7 +129,7 @@ def report(drive, arrays, paths):
 
 def run(argv):
     """Do what the command line asks; InputError when something is refused."""
-    program = find_program()
+    program = package_program(PROGRAM)
     parser, names = make_parser(program)
     options = parser.parse_args(argv)
     stem, suffix = os.path.splitext(options.output)

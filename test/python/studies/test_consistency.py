@@ -12,8 +12,8 @@ import pytest
 import yaml
 from conftest import HANG_S, ROOT
 
+from vi_ekf_slam.common.package_files import package_program
 from vi_ekf_slam.evaluation.consistency import chi_square_bounds
-from vi_ekf_slam.simulation.simulator import find_program
 
 CONFIG = os.path.join(ROOT, "config", "default.yaml")
 SEEDS = 14
@@ -27,7 +27,7 @@ def bounds(seeds):
 
 def study(config, folder, *arguments, seeds=SEEDS):
     """Rows of seeds.csv and check_points.csv as columns {name: (N,)}, and the exit code."""
-    command = [find_program("monte_carlo"), "--config", str(config), "--output", str(folder),
+    command = [package_program("monte_carlo"), "--config", str(config), "--output", str(folder),
                "--seeds", str(seeds), "--quiet", *arguments]
     done = subprocess.run(command, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, check=False)
     assert done.returncode in (0, 3), done.stderr
