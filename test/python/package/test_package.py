@@ -54,6 +54,14 @@ def test_every_python_file_compiles_with_the_oldest_supported_version():
     assert sys.version_info >= (3, 8)
 
 
+def test_every_folder_of_modules_is_a_package():
+    """What has no __init__.py is found in the devel space and forgotten by the installation (find_packages in setup.py)."""
+    folders = [(below, names) for below, _, names in os.walk(os.path.join(ROOT, "src", "vi_ekf_slam"))
+               if any(name.endswith(".py") for name in names)]
+    assert len(folders) > 5
+    assert [below for below, names in folders if "__init__.py" not in names] == []
+
+
 CASE = '<testcase classname="%s" name="%s">%s</testcase>'
 FAILURE = "<failure/>"
 
