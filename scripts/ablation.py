@@ -18,9 +18,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 import yaml
 from tqdm import tqdm
 
-from vi_ekf_slam.converter import main as convert
-from vi_ekf_slam.errors import InputError
-from vi_ekf_slam.offline_run import judge, run_bag
+from vi_ekf_slam.bag.converter import main as convert
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.evaluation.offline_run import judge, run_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 DATA = os.environ.get("VI_EKF_SLAM_DATA", os.path.join(ROOT, "..", "shared", "data"))

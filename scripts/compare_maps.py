@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.map_comparison import main
+from vi_ekf_slam.evaluation.map_comparison import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.degraded_bag import main
+from vi_ekf_slam.bag.degrader import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -30,7 +30,7 @@ content() { cat "$@" | sha256sum | cut -d' ' -f1; }
 
 if [ -z "$dataset" ]; then
   dataset="$output/$name.npz"
-  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation.py")"
+  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation/simulator.py")"
   if is_current "$dataset" "$key"; then
     say "using $dataset again"
   else
@@ -47,7 +47,7 @@ if [ -f "$truth" ]; then
   sources+=("$truth")
   convert+=(--truth "$truth")
 fi
-key="$(content "${sources[@]}" "$root"/src/vi_ekf_slam/*.py)"
+key="$(content "${sources[@]}" "$root"/src/vi_ekf_slam/{,*/}*.py)"
 if is_current "$output/$name.bag" "$key"; then
   say "using $output/$name.bag again"
 else

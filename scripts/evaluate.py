@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.run_evaluator import main
+from vi_ekf_slam.evaluation.run_evaluator import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.rviz_export import main
+from vi_ekf_slam.rviz.export import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.load_test import main
+from vi_ekf_slam.ros.load_test import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.monte_carlo_plotter import main
+from vi_ekf_slam.simulation.monte_carlo_plotter import main
 
 if __name__ == "__main__":
     sys.exit(main())

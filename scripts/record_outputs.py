@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.output_recorder import main
+from vi_ekf_slam.ros.output_recorder import main
 
 if __name__ == "__main__":
     sys.exit(main())

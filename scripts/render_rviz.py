@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.rviz_renderer import main
+from vi_ekf_slam.rviz.renderer import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.paper_reproducer import main
+from vi_ekf_slam.paper.reproducer import main
 
 if __name__ == "__main__":
     sys.exit(main())

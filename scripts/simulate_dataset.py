@@ -3,7 +3,7 @@
 
 import sys
 
-from vi_ekf_slam.simulation import main
+from vi_ekf_slam.simulation.simulator import main
 
 if __name__ == "__main__":
     sys.exit(main())

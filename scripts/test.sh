@@ -25,13 +25,13 @@ say "running the Python tests in the background"
 python_tests() {
   nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
 }
-long=("$root"/test/python/test_{accuracy,consistency,degradation,real_drives,soak}.py)
-fuzz="$root/test/python/test_fuzz.py"
+studies="$root/test/python/studies"
+fuzz="$root/test/python/package/test_fuzz.py"
 python_tests fuzz "$fuzz" &
 jobs=($!)
-python_tests long "${long[@]}" &
+python_tests studies "$studies" &
 jobs+=($!)
-python_tests python "$root/test/python" "${long[@]/#/--ignore=}" --ignore="$fuzz" &
+python_tests python "$root/test/python" --ignore="$studies" --ignore="$fuzz" &
 jobs+=($!)
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
@@ -42,7 +42,7 @@ EOF
 fi
 for job in "${jobs[@]}"; do wait "$job" || status=1; done
 say "Python tests"
-cat "$build/python.log" "$build/long.log" "$build/fuzz.log"
+cat "$build/python.log" "$build/studies.log" "$build/fuzz.log"
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"

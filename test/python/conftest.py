@@ -1,5 +1,9 @@
-"""Shared parts of the Python tests. Run after sourcing the devel space: python3 -m pytest test/python"""
+"""Shared parts of the Python tests. Run after sourcing the devel space: python3 -m pytest test/python
 
+Files have names of their own across the folders, which are no packages.
+"""
+
+import io
 import os
 import subprocess
 import sys
@@ -80,6 +84,13 @@ def second_edition(**changes):
     return arrays
 
 
+def npy_header(shape, dtype="<f8"):
+    """The first bytes of an .npy that promises an array of this shape and kind."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return stream.getvalue()
+
+
 @pytest.fixture
 def save(tmp_path):
     """Writes arrays as an .npz; returns its path as text."""
@@ -115,7 +126,7 @@ def run(tmp_path):
 @pytest.fixture
 def bag(save, tmp_path):
     """The bag of drive() with the truth of `run`."""
-    from vi_ekf_slam.converter import main as convert
+    from vi_ekf_slam.bag.converter import main as convert
     truth = tmp_path / "truth.tum"
     truth.write_text(tum(TRUE_POSITIONS))
     path = str(tmp_path / "drive.bag")

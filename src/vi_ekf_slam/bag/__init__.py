@@ -1,0 +1,1 @@
+"""Bags: what their messages are, reading, writing and converting to them."""

@@ -1,0 +1,101 @@
+"""Command line of dataset_to_bag.py."""
+
+import argparse
+
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output
+from vi_ekf_slam.common.stop_signals import signals_unwind
+from vi_ekf_slam.dataset.extrinsic import READINGS
+from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB, load_dataset
+from vi_ekf_slam.dataset.stale import assign_ids
+from vi_ekf_slam.dataset.summary import summarise
+from vi_ekf_slam.dataset.truth import BODIES, load_truth
+
+DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
+DEFAULT_GYRO_SIGMA = 0.05  # rad/s
+
+
+def make_parser():
+    """The argument parser, with every option's unit and default."""
+    parser = argparse.ArgumentParser(
+        prog="dataset_to_bag.py",
+        description="Convert a drive (.npz: stereo features, gyro, velocity) to a bag with the topics /imu, /velocity, "
+                    "/features, /left/camera_info, /right/camera_info and /tf_static.")
+    parser.add_argument("input", metavar="IN.npz")
+    parser.add_argument("output", metavar="OUT.bag", nargs="?", help="not needed with --info")
+    parser.add_argument("--info", action="store_true", help="print a summary of the dataset and write nothing")
+    parser.add_argument("--without-features", action="store_true", help="convert IMU and velocity alone")
+    parser.add_argument("--keep-stale", action="store_true",
+                        help="keep ids over frames that repeat the last frame's pixels (default: tracks end there)")
+    parser.add_argument("--extrinsic", choices=READINGS, default="repaired",
+                        help="how to read the key cam_T_imu, whose translation files give as the camera's position in "
+                             "IMU axes (default: %(default)s)")
+    parser.add_argument("--velocity-sigma", type=float, default=DEFAULT_VELOCITY_SIGMA, metavar="M/S",
+                        help="standard deviation of the velocity per axis (default: %(default)s)")
+    parser.add_argument("--gyro-sigma", type=float, default=DEFAULT_GYRO_SIGMA, metavar="RAD/S",
+                        help="standard deviation of the gyro per axis (default: %(default)s)")
+    parser.add_argument("--truth", metavar="FILE",
+                        help="true poses, KITTI (12 columns) or TUM (8 columns), recorded as /ground_truth/path and "
+                             "/ground_truth/pose: IMU poses that begin at the identity of the frame map")
+    parser.add_argument("--truth-body", choices=BODIES,
+                        help="whose poses they are (default: left_camera for KITTI, imu for TUM)")
+    parser.add_argument("--max-memory-mb", type=float, default=DEFAULT_MAX_MEMORY_MB, metavar="MB",
+                        help="refuse files whose arrays are larger than this as 64-bit floats; conversion needs about "
+                             "twice as much at its peak (default: %(default)g)")
+    parser.add_argument("--quiet", action="store_true", help="no report and no progress bar")
+    return parser
+
+
+def convert(options):
+    """Do what the parsed options ask; InputError when something is refused."""
+    checks.require_positive(options.velocity_sigma, "--velocity-sigma", "m/s")
+    checks.require_positive(options.gyro_sigma, "--gyro-sigma", "rad/s")
+    checks.require_positive(options.max_memory_mb, "--max-memory-mb", "MB")
+    if options.truth_body and not options.truth:
+        raise InputError("--truth-body needs --truth")
+    if not options.info:
+        if options.output is None:
+            raise InputError("OUT.bag is missing; only --info works without it")
+        check_output(options.output, options.input)
+        _bag_writer()  # complain before the work, not after it
+
+    dataset = load_dataset(options.input, options.extrinsic, options.without_features, options.max_memory_mb)
+    repair = None
+    if dataset.features is not None:
+        repair = assign_ids(dataset.features, dataset.seen, repair=not options.keep_stale)
+    truth = None
+    if options.truth:
+        truth = load_truth(options.truth, dataset.stamps, dataset.cam_T_imu, options.truth_body)
+    report = summarise(dataset, repair, not options.keep_stale)
+    if truth:
+        report.append("truth: %d poses" % len(truth[0]))
+    if not options.quiet or options.info:
+        print("\n".join(report), flush=True)
+    if options.info:
+        return
+    _write(options, dataset, repair, truth)
+
+
+def _bag_writer():
+    """The module that needs ROS, imported late: --info works without, and what is missing can be named."""
+    try:
+        from vi_ekf_slam.bag import writer
+    except ImportError as reason:
+        raise InputError("%s; source the workspace's setup.bash, and install rosbag and the Python halves of nav_msgs "
+                         "and sensor_msgs (Debian: python3-rosbag python3-nav-msgs python3-sensor-msgs)" % reason)
+    return writer
+
+
+def _write(options, dataset, repair, truth):
+    count = _bag_writer().record(dataset, None if repair is None else repair.ids, truth, options)
+    if not options.quiet:
+        print("wrote: %s, %d messages" % (options.output, count))
+
+
+def main(argv=None):
+    """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
+    options = make_parser().parse_args(argv)
+    with signals_unwind():
+        return exit_status(convert, options, source=options.input)

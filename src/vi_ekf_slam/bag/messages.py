@@ -1,0 +1,113 @@
+"""The ROS messages of a converted drive, one function a message. SI units; frames as in REP 103."""
+
+import genpy
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TransformStamped, TwistWithCovarianceStamped, Vector3
+from nav_msgs.msg import Path
+from sensor_msgs.msg import CameraInfo, Imu
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from vi_ekf_slam.common.checks import nanoseconds
+from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_quaternion
+from vi_ekf_slam.msg import StereoFeature, StereoFeatureArray
+
+IMU_FRAME = "imu_link"
+LEFT_FRAME = "left_camera_optical"
+RIGHT_FRAME = "right_camera_optical"
+TRUTH_FRAME = "map"
+
+# (rad/s)^2. The velocity message has no field for "not measured"; this is a standard deviation of 1000 rad/s, with
+# which a reader that fuses the whole twist learns nothing from the angular zeros.
+UNKNOWN_VARIANCE = 1e6
+
+# Rectified image sizes of the KITTI raw recordings by focal length in px: the files carry K but no image size.
+KITTI_SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 718.3351: (1238, 374), 707.0912: (1226, 370),
+               718.856: (1241, 376)}
+
+
+def ros_time(stamp):
+    """Seconds -> genpy.Time, rounded to the nanosecond."""
+    return genpy.Time(*divmod(int(nanoseconds(np.float64(stamp))), 1000000000))
+
+
+def header(stamp, frame_id, seq=0):
+    """Header with a stamp in seconds."""
+    return Header(seq=seq, stamp=ros_time(stamp), frame_id=frame_id)
+
+
+def image_size(intrinsics, features, seen):
+    """(width, height) in px: KITTI's where the focal length is one of KITTI's, else guessed from the principal point.
+
+    Grown where needed so that every seen pixel (u, v) has u < width and v < height.
+    """
+    guess = (int(round(2.0 * intrinsics[0, 2])), int(round(2.0 * intrinsics[1, 2])))
+    for focal_length, size in KITTI_SIZES.items():
+        if abs(intrinsics[0, 0] - focal_length) < 1e-3:
+            guess = size
+    largest = [max((np.max(features[i][seen], initial=0.0) for i in rows)) for rows in ((0, 2), (1, 3))]
+    return tuple(max(1, side, int(np.floor(pixel)) + 1) for side, pixel in zip(guess, largest))
+
+
+def imu(stamp, angular_velocity, sigma, seq=0):
+    """Gyro sample (3, rad/s); sigma is its standard deviation. -1 marks what the message does not carry (see Imu.msg)."""
+    message = Imu(header=header(stamp, IMU_FRAME, seq), angular_velocity=Vector3(*angular_velocity))
+    message.angular_velocity_covariance = _diagonal([sigma**2] * 3)
+    message.orientation_covariance[0] = -1.0
+    message.linear_acceleration_covariance[0] = -1.0
+    return message
+
+
+def velocity(stamp, linear_velocity, sigma, seq=0):
+    """Body velocity (3, m/s); sigma is its standard deviation. The angular block is marked by UNKNOWN_VARIANCE."""
+    message = TwistWithCovarianceStamped(header=header(stamp, IMU_FRAME, seq))
+    message.twist.twist.linear = Vector3(*linear_velocity)
+    message.twist.covariance = _diagonal([sigma**2] * 3 + [UNKNOWN_VARIANCE] * 3)
+    return message
+
+
+def stereo_features(stamp, ids, pixels, seq=0):
+    """Features of one frame. ids: (N,) integers; pixels: (4, N) uL vL uR vR."""
+    features = [StereoFeature(int(i), *column) for i, column in zip(ids, pixels.T.tolist())]
+    return StereoFeatureArray(header=header(stamp, LEFT_FRAME, seq), features=features)
+
+
+def camera_infos(stamp, intrinsics, baseline, size, seq=0):
+    """(left, right) CameraInfo of a rectified pair without distortion; the right P[0, 3] is -fx b (see CameraInfo.msg)."""
+    infos = []
+    for frame_id, offset in ((LEFT_FRAME, 0.0), (RIGHT_FRAME, -intrinsics[0, 0] * baseline)):
+        projection = np.hstack([intrinsics, [[offset], [0.0], [0.0]]])
+        infos.append(CameraInfo(header=header(stamp, frame_id, seq), width=size[0], height=size[1],
+                                distortion_model="plumb_bob", D=[0.0] * 5, K=intrinsics.ravel().tolist(),
+                                R=np.eye(3).ravel().tolist(), P=projection.ravel().tolist()))
+    return tuple(infos)
+
+
+def static_transforms(stamp, cam_T_imu, baseline=None):
+    """imu_link -> left camera and, given a baseline in m, left -> right camera. A TF child's pose is parent_T_child."""
+    transforms = [_transform(stamp, IMU_FRAME, LEFT_FRAME, inverse(cam_T_imu))]
+    if baseline is not None:
+        transforms.append(_transform(stamp, LEFT_FRAME, RIGHT_FRAME, make_transform(np.eye(3), [baseline, 0.0, 0.0])))
+    return TFMessage(transforms)
+
+
+def truth_pose(stamp, pose, seq=0):
+    """Pose of the IMU (4 x 4) in the frame `map`."""
+    quaternion = rotation_to_quaternion(pose[:3, :3])
+    return PoseStamped(header(stamp, TRUTH_FRAME, seq), Pose(Point(*pose[:3, 3]), Quaternion(*quaternion)))
+
+
+def truth_path(stamps, poses):
+    """All truth poses as one path."""
+    return Path(header(stamps[0], TRUTH_FRAME), [truth_pose(stamp, pose) for stamp, pose in zip(stamps, poses)])
+
+
+def _transform(stamp, parent, child, parent_T_child):
+    message = TransformStamped(header=header(stamp, parent), child_frame_id=child)
+    message.transform.translation = Vector3(*parent_T_child[:3, 3])
+    message.transform.rotation = Quaternion(*rotation_to_quaternion(parent_T_child[:3, :3]))
+    return message
+
+
+def _diagonal(variances):
+    return np.diag(variances).ravel().tolist()

@@ -1,0 +1,60 @@
+"""What an evaluation needs from a bag: frame stamps, the extrinsic and the recorded ground truth."""
+
+import numpy as np
+
+from vi_ekf_slam.bag.limits import require_small_chunks
+from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
+
+
+class Reference:
+    """frame_stamps (T,) s of /features; cam_T_imu 4 x 4 or None; truth: (stamps, map_T_imu poses) or None."""
+
+    def __init__(self, frame_stamps, cam_T_imu, truth):
+        self.frame_stamps, self.cam_T_imu, self.truth = frame_stamps, cam_T_imu, truth
+
+
+def read_reference(path):
+    """Read a bag as dataset_to_bag.py writes them.
+
+    The camera's frame is the one that /features names and the IMU's the one that /imu names; the extrinsic is the
+    transform between the two on /tf_static, in either direction.
+    """
+    stamps, frames, transforms, truth = [], {}, [], None
+    with open_bag(path) as bag:
+        require_small_chunks(bag, path)
+        topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
+        for topic, message, _ in bag.read_messages(topics):
+            if topic == "/tf_static":
+                transforms.extend(message.transforms)
+            elif topic == "/ground_truth/path":
+                truth = _read_path(message)
+            else:
+                frames.setdefault(topic, message.header.frame_id)
+                if topic == "/features":
+                    stamps.append(message.header.stamp.to_sec())
+    return Reference(np.array(stamps), _find_extrinsic(transforms, frames.get("/features"), frames.get("/imu")), truth)
+
+
+def _read_path(message):
+    poses = [_matrix(p.pose.position, p.pose.orientation) for p in message.poses]
+    if not poses:
+        return None
+    return np.array([p.header.stamp.to_sec() for p in message.poses]), np.array(poses)
+
+
+def _find_extrinsic(transforms, camera, imu):
+    for t in transforms:
+        parent_T_child = _matrix(t.transform.translation, t.transform.rotation)
+        if (t.header.frame_id, t.child_frame_id) == (imu, camera):
+            return inverse(parent_T_child)
+        if (t.header.frame_id, t.child_frame_id) == (camera, imu):
+            return parent_T_child
+    return None
+
+
+def _matrix(position, quaternion):
+    q = [quaternion.x, quaternion.y, quaternion.z, quaternion.w]
+    if not abs(np.linalg.norm(q) - 1.0) < 1e-3:
+        raise ValueError("a pose has the quaternion %s, allowed: norm 1" % q)
+    return make_transform(quaternion_to_rotation(q), [position.x, position.y, position.z])

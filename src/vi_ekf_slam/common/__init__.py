@@ -1,0 +1,1 @@
+"""What every part of the Python half needs: refusals, checks, files and geometry."""

@@ -1,0 +1,28 @@
+"""How every program of this package ends when it refuses something."""
+
+import sys
+
+from vi_ekf_slam.common.errors import InputError
+
+EXIT_REFUSED = 2
+
+
+def exit_status(action, *arguments, source=None):
+    """Call action(*arguments): 0, or EXIT_REFUSED after one line on stderr when it raises InputError.
+
+    source: the input to name where memory does not suffice for it; None: MemoryError passes through.
+    """
+    try:
+        action(*arguments)
+    except InputError as reason:
+        return _refuse(reason)
+    except MemoryError:
+        if source is None:
+            raise
+        return _refuse("%s: not enough memory" % source)
+    return 0
+
+
+def _refuse(reason):
+    print("error: %s" % reason, file=sys.stderr)
+    return EXIT_REFUSED

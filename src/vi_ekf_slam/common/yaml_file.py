@@ -1,0 +1,14 @@
+"""YAML files from outside."""
+
+import yaml
+
+from vi_ekf_slam.common.errors import InputError
+
+
+def read_yaml(path):
+    """What a YAML file holds, whatever that is; InputError names the file and why it cannot be read."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            return yaml.safe_load(stream)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
+        raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))

@@ -1,0 +1,62 @@
+"""Ground truth: from a pose file to IMU poses that begin at the identity, and onto the stamps of an estimate."""
+
+import numpy as np
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import interpolate_pose, inverse
+from vi_ekf_slam.dataset.pose_files import read_pose_file
+
+BODIES = ("imu", "left_camera")
+STAMP_TOLERANCE = 1e-4  # s; text files may round stamps, frames are at least milliseconds apart
+MAX_GAP = 1.0  # s between two truth poses; across longer gaps nothing is interpolated
+
+
+def load_truth(path, frame_stamps, cam_T_imu, body=None):
+    """Read a KITTI or TUM file as IMU poses.
+
+    frame_stamps: (T,) s; row k of a KITTI file belongs to frame k, and there may be fewer rows than frames.
+    cam_T_imu: 4 x 4, needed when the poses are the left camera's. body: "imu", "left_camera" or None, which stands for
+    the left camera in KITTI files and for the IMU in TUM files. TUM poses outside the drive's time are left out.
+    Returns (stamps (N,), imu0_T_imu (N, 4, 4)); the first pose is the identity:
+    imu0_T_imu_k = imu_T_cam cam0_T_cam_k cam_T_imu.
+    """
+    stamps, poses = read_pose_file(path)
+    if body is None:
+        body = "left_camera" if stamps is None else "imu"
+    if stamps is None:
+        if len(poses) > len(frame_stamps):
+            raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive"
+                             % (path, len(poses), len(frame_stamps)))
+        stamps = frame_stamps[: len(poses)]
+    else:
+        inside = (stamps >= frame_stamps[0] - STAMP_TOLERANCE) & (stamps <= frame_stamps[-1] + STAMP_TOLERANCE)
+        if not inside.any():
+            raise InputError("%s: its stamps, %.3f to %.3f s, do not meet the drive's, %.3f to %.3f s"
+                             % (path, stamps[0], stamps[-1], frame_stamps[0], frame_stamps[-1]))
+        stamps, poses = np.clip(stamps[inside], frame_stamps[0], frame_stamps[-1]), poses[inside]
+    if body == "left_camera":
+        if cam_T_imu is None:
+            raise InputError("%s: holds poses of the left camera, and the drive has no extrinsic to the IMU" % path)
+        poses = poses @ cam_T_imu
+    return stamps, inverse(poses[0]) @ poses
+
+
+def sample_poses(stamps, poses, query):
+    """Poses at the stamps `query` (Q,), interpolated between neighbours at most MAX_GAP apart.
+
+    Returns (valid, sampled): valid (Q,) bool tells which stamps the poses reach; sampled (valid.sum(), 4, 4).
+    """
+    valid, sampled = np.zeros(len(query), dtype=bool), []
+    for i, stamp in enumerate(query):
+        after = int(np.searchsorted(stamps, stamp))
+        nearest = min((j for j in (after - 1, after) if 0 <= j < len(stamps)), key=lambda j: abs(stamps[j] - stamp))
+        if abs(stamps[nearest] - stamp) <= STAMP_TOLERANCE:
+            pose = poses[nearest]
+        else:
+            if after in (0, len(stamps)) or stamps[after] - stamps[after - 1] > MAX_GAP:
+                continue
+            fraction = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+            pose = interpolate_pose(poses[after - 1], poses[after], fraction)
+        valid[i] = True
+        sampled.append(pose)
+    return valid, np.array(sampled).reshape(-1, 4, 4)

@@ -1,0 +1,1 @@
+"""Judge runs: their errors, whether their covariances are right, tables and pictures."""

@@ -1,0 +1,105 @@
+"""Compare an estimated trajectory with the truth."""
+
+from collections import namedtuple
+
+import numpy as np
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.dataset.truth import sample_poses
+from vi_ekf_slam.evaluation.consistency import nees, pose_errors
+from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
+                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors)
+
+RPE_SECONDS, RPE_METRES = 1.0, 10.0
+
+Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe")
+Evaluation.__doc__ = """Errors of one trajectory.
+
+ate: m, RMSE of the positions after rigid alignment. kitti: metrics.KittiErrors. matched: number M of poses compared.
+body: whose positions, as text. anchored: m, RMSE of `error`. way: m, length of the true path.
+distance, error (M,): m of true path up to each pose, and its position error in m when the first poses coincide.
+segments: of metrics.kitti_segments. rpe: {"frame", "second", "metre": metrics.RelativeErrors} over one frame,
+RPE_SECONDS and RPE_METRES of true path.
+"""
+
+Consistency = namedtuple("Consistency", "stamps errors deviations nees nees_position nees_rotation")
+Consistency.__doc__ = """Pose errors of the IMU and what the covariance says of them, in the axes of the run's world.
+
+stamps (M,) s. errors (M, 6): consistency.pose_errors, or None without truth. deviations (M, 6): square roots of the
+covariances' diagonals, m and rad. nees (M,) of the pose (6 dof), position and rotation (3 dof each), or None.
+"""
+
+
+def evaluate(stamps, poses, truth, cam_T_imu=None):
+    """Errors of world_T_imu poses (N, 4, 4) at stamps (N,) s against truth = (stamps, IMU poses), in any world frame.
+
+    With an extrinsic the left cameras are compared, as the KITTI benchmark does, else the IMUs. Poses whose stamps the
+    truth does not reach are left out.
+    """
+    valid, estimate, true_poses = match(stamps, poses, truth)
+    body = "IMU"
+    if cam_T_imu is not None:
+        estimate, true_poses = (left_camera_poses(p, cam_T_imu) for p in (estimate, true_poses))
+        body = "left camera"
+    error, distance = anchored_errors(estimate, true_poses), distances(true_poses)
+    segments = kitti_segments(estimate, true_poses)
+    frames = np.arange(len(estimate))
+    rpe = {name: relative_pose_errors(estimate, true_poses, pairs_ahead(values, delta))
+           for name, values, delta in (("frame", frames, 1), ("second", stamps[valid], RPE_SECONDS),
+                                       ("metre", distance, RPE_METRES))}
+    return Evaluation(absolute_trajectory_error(estimate, true_poses), mean_kitti_errors(segments), len(estimate), body,
+                      float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe)
+
+
+def match(stamps, poses, truth):
+    """(valid (N,) bool, poses[valid], truth at those stamps): what of an estimate the truth reaches; not nothing."""
+    valid, true_poses = sample_poses(*truth, stamps)
+    if not valid.any():
+        raise InputError("the truth, %.3f to %.3f s, does not meet the trajectory, %.3f to %.3f s"
+                         % (truth[0][0], truth[0][-1], stamps[0], stamps[-1]))
+    return valid, poses[valid], true_poses
+
+
+def judge_covariances(stamps, poses, covariances, truth=None):
+    """Consistency of world_T_imu poses (N, 4, 4) with covariances (N, 6, 6) in the coordinates of covariance.csv.
+
+    The truth is moved rigidly onto the estimate at the first pose that both have (anchor_truth): the filter too is
+    certain of where it starts.
+    """
+    if truth is None:
+        return Consistency(stamps, None, _deviations(covariances), None, None, None)
+    valid, estimate, true_poses = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses)))
+    errors, covariances = pose_errors(estimate, true_poses), covariances[valid]
+    return Consistency(stamps[valid], errors, _deviations(covariances), nees(errors, covariances),
+                       nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]))
+
+
+def _deviations(covariances):
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    return np.sqrt(np.where(variances >= 0.0, variances, np.nan))
+
+
+def anchor_truth(truth, stamps, poses):
+    """Truth poses moved rigidly so that they agree with the estimate at the first stamp that both have."""
+    valid, sampled = sample_poses(*truth, stamps)
+    if not valid.any():
+        return truth[1]
+    return poses[valid][0] @ inverse(sampled[0]) @ truth[1]
+
+
+def describe(name, evaluation):
+    """One line of text."""
+    text = "%s: ATE %.3f m (%s, %d poses)" % (name, evaluation.ate, evaluation.body, evaluation.matched)
+    if evaluation.kitti.count == 0:
+        return text + ", too short for sub-sequences of 100 m"
+    return text + ", t_rel %.3f %%, r_rel %.3f deg/100 m (%d sub-sequences)" % (
+        evaluation.kitti.t_rel, evaluation.kitti.r_rel, evaluation.kitti.count)
+
+
+def title_of_errors(slam, dead_reckoning=None):
+    """The line under a picture's title. Both are Evaluations."""
+    text = "ATE %.2f m" % slam.ate
+    if dead_reckoning is not None:
+        text += ", dead reckoning %.2f m" % dead_reckoning.ate
+    return text + " (aligned; drawn from a common start)"

@@ -1,0 +1,130 @@
+"""Command line of compare_maps.py: the maps of several runs over one bag, side by side, and the same part of each enlarged."""
+
+import argparse
+import os
+
+import matplotlib
+
+matplotlib.use("Agg")  # files only; a machine without a display must do
+
+import numpy as np  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.patches import Rectangle  # noqa: E402
+
+from vi_ekf_slam.bag.limits import require_small_chunks  # noqa: E402
+from vi_ekf_slam.bag.opening import open_bag  # noqa: E402
+from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
+from vi_ekf_slam.common.errors import InputError  # noqa: E402
+from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402
+from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
+from vi_ekf_slam.evaluation.run_io import LANDMARK_COLUMNS, read_run  # noqa: E402
+from vi_ekf_slam.evaluation.top_view import view_limits  # noqa: E402
+
+COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
+LEAST_FRAMES = 10  # landmarks that were seen less often blur any map
+
+
+class Map:
+    """ids (L,) and positions (L, 3) m of the landmarks of a run, and its trajectory (N, 3) m."""
+
+    def __init__(self, folder):
+        run = read_run(folder)
+        columns = read_columns(os.path.join(folder, "landmarks.csv"), LANDMARK_COLUMNS, allow_empty=True)
+        self.ids, self.positions = columns["id"].astype(np.int64), run.landmarks
+        self.trajectory = run.poses[:, :3, 3]
+
+    def select(self, tracks, least):
+        """Landmarks seen in `least` frames or more: (positions, whether they were last seen in the second half)."""
+        chosen = np.array([tracks.get(id_, (0, 0.0))[0] >= least for id_ in self.ids], dtype=bool)
+        late = np.array([tracks[id_][1] > 0.5 for id_ in self.ids[chosen]], dtype=bool)
+        return self.positions[chosen], late
+
+
+def read_tracks(path, topic):
+    """{id: (frames in which it is seen, share of the drive, 0 to 1, after which it is not any more)} of a bag's features."""
+    stamps, tracks = [], {}
+    with open_bag(path) as bag:
+        require_small_chunks(bag, path)
+        for _, message, _ in bag.read_messages([topic]):
+            stamps.append(message.header.stamp.to_sec())
+            for feature in message.features:
+                tracks[feature.id] = (tracks.get(feature.id, (0, 0.0))[0] + 1, stamps[-1])
+    if not tracks:
+        raise InputError("%s: has no features on %s" % (path, topic))
+    length = max(stamps[-1] - stamps[0], 1e-9)
+    return {id_: (frames, (stamp - stamps[0]) / length) for id_, (frames, stamp) in tracks.items()}
+
+
+def draw(maps, names, selected, zoom):
+    """The picture as a Figure. maps: list of Map; selected: Map.select of each; zoom: limits of the part to enlarge."""
+    limits = view_limits([m.trajectory for m in maps])
+    figure = Figure(figsize=(6.0 * len(maps), 10.5), dpi=110)
+    axes = figure.subplots(2, len(maps), squeeze=False, gridspec_kw={"hspace": 0.18})
+    for column, (m, name, (positions, second)) in enumerate(zip(maps, names, selected)):
+        for row, (view, size) in enumerate(((limits, 3), (zoom, 10))):
+            plot = axes[row, column]
+            for half, color in enumerate(COLORS):
+                chosen = positions[second == bool(half)]
+                plot.scatter(chosen[:, 0], chosen[:, 1], s=size, c=color, linewidths=0, alpha=0.7,
+                             label="last seen in the %s half of the drive" % ("first", "second")[half])
+            plot.plot(m.trajectory[:, 0], m.trajectory[:, 1], color="black", linewidth=0.8, label="trajectory")
+            plot.set_xlim(*view[0])
+            plot.set_ylim(*view[1])
+            plot.set_aspect("equal")
+            plot.grid(True, linewidth=0.4, alpha=0.5)
+            plot.set_axisbelow(True)
+            plot.set_xlabel("x (m)")
+            plot.set_ylabel("y (m)")
+        axes[0, column].set_title(name, fontsize=12)
+        (x_low, x_high), (y_low, y_high) = zoom
+        axes[0, column].add_patch(Rectangle((x_low, y_low), x_high - x_low, y_high - y_low, fill=False, linewidth=1.2))
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="lower center", ncol=3, frameon=False, markerscale=3)
+    return figure
+
+
+def zoom_limits(words, maps):
+    """((x_low, x_high), (y_low, y_high)) of --zoom X Y SIDE, or about where the first run was after 7/8 of the drive."""
+    if words is None:
+        x, y = maps[0].trajectory[len(maps[0].trajectory) * 7 // 8, :2]
+        side = 60.0
+    else:
+        x, y, side = words
+    if not side > 0.0:
+        raise InputError("--zoom has the side %g m, allowed: more than 0" % side)
+    return (x - 0.5 * side, x + 0.5 * side), (y - 0.5 * side, y + 0.5 * side)
+
+
+def compare_maps(options):
+    """Do what the parsed options ask; InputError when something is refused."""
+    if not options.output.lower().endswith(".png"):
+        raise InputError("--output is %s, allowed: a name that ends in .png" % options.output)
+    check_output(options.output)
+    names = options.names or [os.path.basename(os.path.abspath(run)) for run in options.runs]
+    if len(names) != len(options.runs):
+        raise InputError("--names has %d names for %d runs, allowed: one each" % (len(names), len(options.runs)))
+    maps = [Map(run) for run in options.runs]
+    tracks = read_tracks(options.bag, options.features)
+    selected = [m.select(tracks, options.least) for m in maps]
+    zoom = zoom_limits(options.zoom, maps)
+    with replacing(options.output) as stream:
+        draw(maps, names, selected, zoom).savefig(stream, format="png", bbox_inches="tight")
+    print("wrote: %s" % options.output)
+
+
+def main(argv=None):
+    """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
+    parser = argparse.ArgumentParser(
+        prog="compare_maps.py",
+        description="Draw the maps of runs over the same bag side by side, from above, and below a part of each enlarged. "
+                    "Colours tell landmarks last seen in the first half of the drive from the others: where a road was "
+                    "driven twice, walls are double in a map that does not fit together.")
+    parser.add_argument("runs", metavar="RUN", nargs="+", help="directory of run_bag or the node")
+    parser.add_argument("--bag", required=True, help="the bag of all runs, for when a landmark was seen")
+    parser.add_argument("--features", metavar="TOPIC", default="/features", help="(default: %(default)s)")
+    parser.add_argument("--names", metavar="NAME", nargs="+", help="titles (default: the directories' names)")
+    parser.add_argument("--zoom", metavar=("X", "Y", "SIDE"), type=float, nargs=3,
+                        help="centre and side of the enlarged part, m (default: 60 m about the place after 7/8 of the drive)")
+    parser.add_argument("--least", metavar="FRAMES", type=int, default=LEAST_FRAMES,
+                        help="leave landmarks out that were seen in fewer frames (default: %(default)s)")
+    parser.add_argument("--output", metavar="PNG", default="maps.png", help="picture to write (default: %(default)s)")
+    return exit_status(compare_maps, parser.parse_args(argv))

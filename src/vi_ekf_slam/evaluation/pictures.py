@@ -1,0 +1,77 @@
+"""The pictures of an evaluation, by name."""
+
+import os
+
+from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, title_of_errors
+from vi_ekf_slam.evaluation.run_inputs import meets
+
+# matplotlib is slow to load, so the functions that draw load it: inputs are complained about first.
+
+
+def pictures_of_run(result):
+    """(name, Figure) of everything that a report.Result allows to draw, one after the other."""
+    from vi_ekf_slam.evaluation import graphs, top_view
+    subject, run = result.subject, result.subject.run
+    title = subject.name + ("\n" + title_of_errors(result.slam, result.dead_reckoning) if result.slam else "")
+    slam = subject.poses[:, :3, 3]
+    dead = subject.dead_reckoning[1][:, :3, 3] if subject.dead_reckoning else None
+    truth = None
+    if subject.truth is not None:
+        truth = anchor_truth(subject.truth, subject.stamps, subject.poses)[:, :3, 3]
+    yield ("trajectory", top_view.draw_run(title, slam, dead, truth, (), ()))
+    if run and len(run.landmarks):
+        note = "" if truth is None else ", the truth from a common start"
+        figure = top_view.draw_run(subject.name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
+                                   run.horizontal_deviations(), run.landmark_covariances)
+        yield ("landmarks", figure)
+    if result.consistency:
+        what = ": pose of the IMU, error and 3-sigma bounds about the world's axes" if subject.truth is not None else \
+            ": pose of the IMU, 3-sigma bounds about the world's axes (no truth)"
+        yield ("errors", graphs.draw_errors(subject.name + what, result.consistency))
+    if subject.frames:
+        yield ("frames", graphs.draw_frames(subject.name + ": stereo frames", subject.frames))
+    if result.slam:
+        lines = graphs.drift_lines(result.dead_reckoning, [("SLAM", result.slam)])
+        yield ("drift", graphs.draw_drift(
+            "%s: drift of the %s from a common start" % (subject.name, result.slam.body), lines))
+
+
+def pictures_of_comparison(results):
+    """(name, Figure) of all runs that overlap the first in time, laid onto its start; nothing if there is only one."""
+    from vi_ekf_slam.evaluation import graphs, top_view
+    first = results[0]
+    alike = [r for r in results if meets(r.subject, first.subject)]
+    if len(alike) < 2:
+        return
+    origin = (first.subject.stamps, first.subject.poses)
+    lines = []
+    truth = next((r.subject.truth for r in alike if r.subject.truth is not None), None)
+    if truth is not None:
+        lines.append(("truth", anchor_truth(truth, *origin)[:, :3, 3], top_view.TRUTH_STYLE))
+    dead = next((r for r in alike if r.subject.dead_reckoning), None)
+    if dead is not None:
+        lines.append(("dead reckoning", anchor_truth(dead.subject.dead_reckoning, *origin)[:, :3, 3],
+                      top_view.DEAD_RECKONING_ON_TOP))
+    for result, style in zip(alike, graphs.line_styles(len(alike))):
+        subject = result.subject
+        lines.append((subject.name, anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3], style))
+    yield ("comparison", top_view.draw_trajectories("%d runs from a common start" % len(alike), lines))
+    judged = [(r.subject.name, r.slam) for r in alike if r.slam]
+    if judged:
+        dead = next((r.dead_reckoning for r in alike if r.dead_reckoning), None)
+        yield ("comparison_drift", graphs.draw_drift(
+            "drift of the %s from a common start" % " or ".join(sorted({e.body for _, e in judged})),
+            graphs.drift_lines(dead, judged)))
+
+
+def save_pictures(pictures, folder):
+    """Write (name, Figure) as folder/evaluation_NAME.png and .svg; yields the paths without suffix."""
+    from vi_ekf_slam.evaluation import top_view
+    for name, figure in pictures:
+        stem = os.path.join(folder, "evaluation_" + name)
+        for kind in ("png", "svg"):
+            check_output(stem + "." + kind)
+            with replacing(stem + "." + kind) as stream:
+                top_view.save(figure, stream, kind)
+        yield stem

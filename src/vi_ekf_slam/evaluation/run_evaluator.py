@@ -1,0 +1,156 @@
+"""Command line of evaluate.py."""
+
+import argparse
+import json
+import os
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
+from vi_ekf_slam.dataset.truth import BODIES
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.pictures import pictures_of_comparison, pictures_of_run, save_pictures
+from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
+from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, read_bag, read_subject
+from vi_ekf_slam.evaluation.trajectory_export import export
+
+
+def make_parser():
+    """The argument parser."""
+    parser = argparse.ArgumentParser(
+        prog="evaluate.py",
+        description="Judge runs of run_bag, or trajectory files, against the truth: a table, evaluation.json and "
+                    "pictures (PNG and SVG). Without truth: pictures, NIS and timing. Without a bag the positions of the "
+                    "IMU are compared instead of the left camera's.")
+    parser.add_argument("runs", metavar="DIR", nargs="+",
+                        help="directory that run_bag or the node wrote, or a trajectory file: TUM, or KITTI (needs "
+                             "--bag)")
+    parser.add_argument("--bag", action="append", default=[],
+                        help="a run's bag, for the extrinsic and for /ground_truth/path; once for all runs, or once a "
+                             "run")
+    parser.add_argument("--truth", action="append", default=[], metavar="FILE",
+                        help="true poses, KITTI (12 columns, needs --bag) or TUM (8 columns); goes before the bag's; once "
+                             "for all runs, or once a run")
+    parser.add_argument("--truth-body", choices=BODIES,
+                        help="whose poses --truth holds (default: left_camera for KITTI, imu for TUM)")
+    parser.add_argument("--trajectory-body", choices=BODIES,
+                        help="whose poses the trajectory files hold (default: left_camera for KITTI, imu for TUM)")
+    parser.add_argument("--name", action="append", default=[], help="name of a run in table and pictures, once a run")
+    parser.add_argument("--output", metavar="OUT",
+                        help="directory for everything, made if needed; of several runs each gets OUT/NAME (default: "
+                             "each DIR itself; a trajectory file then only appears in the table and in the comparison)")
+    parser.add_argument("--no-plots", action="store_true", help="no pictures")
+    parser.add_argument("--export-tum", action="store_true",
+                        help="write export/{slam,dead_reckoning,truth}.tum: poses of the IMU with stamps, from a common "
+                             "start")
+    parser.add_argument("--export-kitti", action="store_true",
+                        help="write export/{slam,dead_reckoning,truth}_kitti.txt: poses of the left camera in its "
+                             "first frame, row by row; with truth those frames that it reaches. Needs --bag")
+    return parser
+
+
+def run_evaluation(options):
+    """Do what the parsed options ask; InputError when something is refused."""
+    names = _for_each(options.name, options.runs, "--name", shared=False) or default_names(options.runs)
+    if len({_file_name(name) for name in names}) < len(names):
+        raise InputError("two runs have the same name (%s), allowed: --name with another for each" % ", ".join(names))
+    results = [_judge(*arguments, options) for arguments in
+               zip(options.runs, names, _for_each(options.bag, options.runs, "--bag"),
+                   _for_each(options.truth, options.runs, "--truth"))]
+    folders = [_folder(options, result.subject, len(results)) for result in results]
+    for folder in filter(None, folders):
+        check_output(os.path.join(folder, "evaluation.json"))
+    runs = [to_data(result) for result in results]
+    print("\n".join(table(runs)))
+    for line in _remarks(results):
+        print(line)
+    for result, data, folder in zip(results, runs, folders):
+        if folder:
+            _write_json(folder, dict(data, definitions=DEFINITIONS))
+            paths = export(result.subject, os.path.join(folder, "export"), options.export_tum, options.export_kitti)
+            print("".join("wrote: %s\n" % path for path in paths), end="")
+            if not options.no_plots:
+                _report(pictures_of_run(result), folder)
+    if len(results) > 1:
+        common = options.output or next(filter(None, folders), None)
+        if common and not options.no_plots:
+            _report(pictures_of_comparison(results), common)
+        if options.output:
+            _write_json(common, {"runs": runs, "definitions": DEFINITIONS})
+
+
+def _for_each(values, runs, option, shared=True):
+    """One of `values` for each run: as many as runs, none, or, where `shared`, one for all."""
+    if len(values) == len(runs):
+        return values
+    if not values:
+        return [None] * len(runs) if shared else None
+    if shared and len(values) == 1:
+        return values * len(runs)
+    raise InputError("%s is given %d times, allowed: %sonce for each of the %d runs"
+                     % (option, len(values), "once or " if shared else "", len(runs)))
+
+
+def _judge(path, name, bag, truth_file, options):
+    """Result of one run or trajectory file."""
+    if options.truth_body and not truth_file:
+        raise InputError("--truth-body needs --truth")
+    if options.export_kitti and not bag:
+        raise InputError("--export-kitti needs --bag: the files hold poses of the left camera")
+    reference = read_bag(bag)
+    subject = read_subject(path, name, reference, options.trajectory_body)
+    if options.export_kitti and subject.cam_T_imu is None:
+        raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
+    subject.truth = find_truth(truth_file, options.truth_body, subject.stamps, reference)
+    return judge_subject(subject)
+
+
+def judge_subject(subject):
+    """Result of a run_inputs.Subject whose truth is known or None."""
+    truth, slam, dead, consistency = subject.truth, None, None, None
+    if truth is not None:
+        slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu)
+        if subject.dead_reckoning:
+            dead = evaluate(*subject.dead_reckoning, truth, subject.cam_T_imu)
+    if subject.covariances is not None:
+        consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth)
+    return Result(subject, slam, dead, consistency)
+
+
+def _remarks(results):
+    for result in results:
+        subject = result.subject
+        if subject.truth is None:
+            yield "%s: no truth, so no errors; --truth or a bag with /ground_truth/path gives it" % subject.name
+        elif subject.cam_T_imu is None:
+            yield ("%s: no bag with an extrinsic, so positions of the IMU are compared; --bag gives the left camera's, "
+                   "as KITTI compares them" % subject.name)
+
+
+def _folder(options, subject, count):
+    """Where a run's results go, made if needed; None for a trajectory file without --output."""
+    if not options.output:
+        return subject.source if subject.run else None
+    folder = os.path.join(options.output, _file_name(subject.name)) if count > 1 else options.output
+    make_directory(folder)
+    return folder
+
+
+def _file_name(name):
+    return os.path.normpath(name).strip("./").replace(os.sep, "_") or "run"
+
+
+def _write_json(folder, data):
+    path = os.path.join(folder, "evaluation.json")
+    write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
+    print("wrote: %s" % path)
+
+
+def _report(pictures, folder):
+    for stem in save_pictures(pictures, folder):
+        print("wrote: %s.png, .svg" % stem)
+
+
+def main(argv=None):
+    """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
+    return exit_status(run_evaluation, make_parser().parse_args(argv))

@@ -1,0 +1,91 @@
+"""What is to be judged: run directories or trajectory files, each with its bag and its truth."""
+
+import os
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.dataset.pose_files import read_pose_file
+from vi_ekf_slam.dataset.truth import load_truth
+from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run
+
+
+class Subject:
+    """One trajectory to judge, and what is known beside it.
+
+    name: for tables and pictures. source: path of the directory or file.
+    stamps (N,) s, poses (N, 4, 4): world_T_imu in a world frame of its own.
+    dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
+    covariances (N, 6, 6) of the poses or None; frames: columns of frames.csv or None.
+    cam_T_imu: 4 x 4 or None. truth: (stamps, IMU poses) in any world frame, or None.
+    """
+
+    def __init__(self, name, source, trajectory):
+        self.name, self.source = name, source
+        self.stamps, self.poses = trajectory
+        self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = None
+
+    @property
+    def summary(self):
+        """Dict of summary.yaml; empty without one."""
+        return self.run.summary if self.run else {}
+
+
+def read_bag(path):
+    """bag.reader.Reference of a bag, or None for no path."""
+    if not path:
+        return None
+    from vi_ekf_slam.bag.reader import read_reference  # needs ROS, the rest does not
+    return read_reference(path)
+
+
+def find_truth(path, body, stamps, reference):
+    """Truth as (stamps, IMU poses), from the file if there is one and else from the bag; None where neither has it.
+
+    body: whose poses the file holds, see truth.load_truth. stamps (N,) s: those of the run. reference: of read_bag.
+    """
+    if not path:
+        return reference.truth if reference else None
+    is_kitti = read_pose_file(path)[0] is None
+    if is_kitti and reference is None:
+        raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag is "
+                         "needed for both" % path)
+    return load_truth(path, reference.frame_stamps if is_kitti else stamps,
+                      reference.cam_T_imu if reference else None, body)
+
+
+def read_subject(path, name, reference=None, body=None):
+    """Read a run directory or a trajectory file, TUM or KITTI, without truth. reference: of read_bag.
+
+    body: whose poses a file holds (truth.BODIES; None: the IMU's in TUM, the left camera's in KITTI). Row k of a KITTI
+    file is frame k of the bag.
+    """
+    cam_T_imu = reference.cam_T_imu if reference else None
+    if os.path.isdir(path):
+        run = read_run(path)
+        subject = Subject(name, path, (run.stamps, run.poses))
+        subject.run, subject.dead_reckoning = run, (run.dead_stamps, run.dead_poses)
+        subject.covariances = read_covariances(os.path.join(path, "covariance.csv"), run.stamps)
+        subject.frames = read_frames(os.path.join(path, "frames.csv"))
+    else:
+        stamps = read_pose_file(path)[0]
+        if stamps is None and reference is None:
+            raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag "
+                             "is needed for both" % path)
+        subject = Subject(name, path, load_truth(path, reference.frame_stamps if stamps is None else stamps, cam_T_imu,
+                                                 body))
+    subject.cam_T_imu = cam_T_imu
+    return subject
+
+
+def default_names(paths):
+    """A short name for each path: its last part without .tum or .txt, or the whole path where that names several."""
+    short = []
+    for path in paths:
+        base = os.path.basename(os.path.abspath(path))
+        stem, suffix = os.path.splitext(base)
+        short.append(stem if suffix in (".tum", ".txt") else base)
+    return [name if short.count(name) == 1 else path for name, path in zip(short, paths)]
+
+
+def meets(first, second):
+    """Whether two Subjects overlap in time, so that they may be drawn in one picture."""
+    return max(first.stamps[0], second.stamps[0]) <= min(first.stamps[-1], second.stamps[-1])

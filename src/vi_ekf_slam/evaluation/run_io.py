@@ -1,0 +1,121 @@
+"""Read the directory that run_bag writes: trajectories, covariances, frame reports, landmark map and summary."""
+
+import csv
+import os
+
+import numpy as np
+
+from vi_ekf_slam.common.csv_columns import read_columns
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.dataset.pose_files import read_tum
+
+LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
+FRAME_COLUMNS = ("stamp", "features", "used", "rejected", "landmarks", "frame_rejected", "nis", "nis_dof")
+FRAME_TIME = "update_ms"  # wall time in ms that the estimator took for the frame
+COVARIANCE_COLUMNS = ["xyzabc"[row] + "xyzabc"[column] for row in range(6) for column in range(row, 6)]
+
+
+class Run:
+    """One run. Frames: world is the estimator's fixed frame, imu its body.
+
+    folder: the directory.             summary: dict of summary.yaml, empty when there is none.
+    stamps (N,) s, poses (N, 4, 4): world_T_imu, one per feature frame.
+    dead_stamps (D,), dead_poses (D, 4, 4): the same by dead reckoning alone.
+    landmarks (L, 3) m, landmark_covariances (L, 3, 3) m^2, both in the world frame.
+    """
+
+    def __init__(self, folder, trajectory, dead_reckoning, landmarks, summary):
+        self.folder = folder
+        self.stamps, self.poses = trajectory
+        self.dead_stamps, self.dead_poses = dead_reckoning
+        self.landmarks, self.landmark_covariances = landmarks
+        self.summary = summary
+
+    def horizontal_deviations(self):
+        """Per landmark the standard deviation in m along the worst horizontal direction; nan for a bad covariance."""
+        block = self.landmark_covariances[:, :2, :2]
+        mean = 0.5 * (block[:, 0, 0] + block[:, 1, 1])
+        radius = np.hypot(0.5 * (block[:, 0, 0] - block[:, 1, 1]), block[:, 0, 1])
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(mean + radius)  # larger eigenvalue of a symmetric 2 x 2 matrix
+
+
+def read_run(folder, dead_reckoning_folder=None):
+    """Read a run directory; InputError names the file and what is wrong with it.
+
+    dead_reckoning_folder: take dead_reckoning.tum from this run instead.
+    """
+    for directory in (folder, dead_reckoning_folder or folder):
+        if not os.path.isdir(directory):
+            raise InputError("%s: is not a directory, allowed: one that run_bag wrote" % directory)
+    return Run(
+        folder,
+        read_tum(os.path.join(folder, "trajectory.tum")),
+        read_tum(os.path.join(dead_reckoning_folder or folder, "dead_reckoning.tum")),
+        read_landmarks(os.path.join(folder, "landmarks.csv")),
+        read_summary(os.path.join(folder, "summary.yaml")),
+    )
+
+
+def read_landmarks(path):
+    """landmarks.csv -> (positions (L, 3) m, covariances (L, 3, 3) m^2). L may be 0."""
+    rows = []
+    try:
+        with open(path, encoding="ascii", newline="") as stream:
+            reader = csv.reader(stream)
+            columns = next(reader, [])
+            if columns != LANDMARK_COLUMNS:
+                raise InputError("%s: line 1 is '%s', allowed: %s" % (path, ",".join(columns)[:80],
+                                                                     ",".join(LANDMARK_COLUMNS)))
+            for row in reader:
+                try:
+                    values = [float(word) for word in row[1:]]
+                except ValueError:
+                    values = []
+                if len(row) != len(LANDMARK_COLUMNS) or not np.all(np.isfinite(values)) or not values:
+                    raise InputError("%s: line %d is '%s', allowed: an id and 9 finite numbers"
+                                     % (path, reader.line_num, ",".join(row)[:80]))
+                rows.append(values)
+    except (OSError, UnicodeDecodeError, csv.Error) as reason:
+        raise InputError("%s: cannot be read: %s" % (path, reason))
+    table = np.array(rows).reshape(-1, 9)
+    return table[:, :3], table[:, [3, 4, 5, 4, 6, 7, 5, 7, 8]].reshape(-1, 3, 3)
+
+
+def read_summary(path):
+    """summary.yaml -> dict; a run without one has an empty summary."""
+    if not os.path.exists(path):
+        return {}
+    summary = read_yaml(path)
+    if not isinstance(summary, dict):
+        raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
+    return summary
+
+
+def read_covariances(path, stamps):
+    """covariance.csv -> (N, 6, 6), one for each of the trajectory's stamps (N,), or None when there is no such file.
+
+    Order: x, y, z (m), rotations about the world's axes (rad).
+    """
+    if not os.path.exists(path):
+        return None
+    columns = read_columns(path, ["stamp"] + COVARIANCE_COLUMNS)
+    if not np.array_equal(columns["stamp"], stamps):
+        raise InputError("%s: its %d stamps are not the %d of trajectory.tum, allowed: a line for each pose"
+                         % (path, len(columns["stamp"]), len(stamps)))
+    result = np.empty((len(stamps), 6, 6))
+    for name, row, column in zip(COVARIANCE_COLUMNS, *np.triu_indices(6)):
+        result[:, row, column] = result[:, column, row] = columns[name]
+    return result
+
+
+def read_frames(path):
+    """frames.csv -> {column: (F,) floats}; None when there is no such file or no frame in it.
+
+    FRAME_TIME is among the columns only where the file has it.
+    """
+    if not os.path.exists(path):
+        return None
+    columns = read_columns(path, FRAME_COLUMNS, optional=[FRAME_TIME], allow_empty=True)
+    return columns if len(columns["stamp"]) else None

@@ -1,0 +1,80 @@
+"""Command line of plot_run.py."""
+
+import argparse
+import os
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.dataset.truth import BODIES
+from vi_ekf_slam.evaluation.against_truth import anchor_truth, describe, evaluate, title_of_errors
+from vi_ekf_slam.evaluation.run_inputs import find_truth, read_bag
+from vi_ekf_slam.evaluation.run_io import read_run
+
+
+def make_parser():
+    """The argument parser."""
+    parser = argparse.ArgumentParser(
+        prog="plot_run.py",
+        description="Draw a run of run_bag from above and, where the truth is known, print its errors (ATE; KITTI's "
+                    "t_rel and r_rel over 100 to 800 m).")
+    parser.add_argument("run", metavar="DIR", help="directory that run_bag wrote")
+    parser.add_argument("--bag", help="the run's bag, for the extrinsic and for /ground_truth/path if it has one")
+    parser.add_argument("--truth", metavar="FILE",
+                        help="true poses, KITTI (12 columns, needs --bag) or TUM (8 columns); goes before the bag's")
+    parser.add_argument("--truth-body", choices=BODIES,
+                        help="whose poses --truth holds (default: left_camera for KITTI, imu for TUM)")
+    parser.add_argument("--dead-reckoning", metavar="DIR2", help="take dead_reckoning.tum from this run instead")
+    parser.add_argument("--name", help="name of the drive for the title (default: the bag's or else the directory's)")
+    parser.add_argument("--output", metavar="PNG", help="picture to write (default: DIR/run.png)")
+    parser.add_argument("--svg", action="store_true", help="write the picture as .svg beside it as well")
+    return parser
+
+
+def plot_run(options):
+    """Do what the parsed options ask; InputError when something is refused."""
+    if options.truth_body and not options.truth:
+        raise InputError("--truth-body needs --truth")
+    run = read_run(options.run, options.dead_reckoning)
+    outputs = _outputs(options)
+    reference = read_bag(options.bag)
+    cam_T_imu = reference.cam_T_imu if reference else None
+    truth = find_truth(options.truth, options.truth_body, run.stamps, reference)
+
+    title, truth_line = _name(options), None
+    if truth:
+        slam = evaluate(run.stamps, run.poses, truth, cam_T_imu)
+        dead = evaluate(run.dead_stamps, run.dead_poses, truth, cam_T_imu)
+        print(describe("slam", slam))
+        print(describe("dead reckoning", dead))
+        title += "\n" + title_of_errors(slam, dead)
+        truth_line = anchor_truth(truth, run.stamps, run.poses)[:, :3, 3]
+
+    from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
+    figure = top_view.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,
+                               run.horizontal_deviations())
+    for path, kind in outputs:
+        with replacing(path) as stream:
+            top_view.save(figure, stream, kind)
+        print("wrote: %s" % path)
+
+
+def _outputs(options):
+    png = options.output or os.path.join(options.run, "run.png")
+    stem, suffix = os.path.splitext(png)
+    if suffix.lower() != ".png":
+        raise InputError("--output is %s, allowed: a name that ends in .png" % png)
+    outputs = [(png, "png")] + ([(stem + ".svg", "svg")] if options.svg else [])
+    for path, _ in outputs:
+        check_output(path)
+    return outputs
+
+
+def _name(options):
+    source = options.bag or os.path.abspath(options.run)
+    return options.name or os.path.splitext(os.path.basename(source))[0]
+
+
+def main(argv=None):
+    """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
+    return exit_status(plot_run, make_parser().parse_args(argv))

@@ -1,0 +1,1 @@
+"""The paper's figures again: what they show, their page, and how they are made."""

@@ -1,0 +1,104 @@
+"""rviz configurations as YAML: the shipped one, which of its entries hold frames and topics, and how to change them."""
+
+import yaml
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.package_files import package_file
+from vi_ekf_slam.common.yaml_file import read_yaml
+
+# rviz class: (key of the topic, its type).
+TOPIC_DISPLAYS = {
+    "rviz/Path": ("Topic", "nav_msgs/Path"),
+    "rviz/PoseWithCovariance": ("Topic", "geometry_msgs/PoseWithCovarianceStamped"),
+    "rviz/Odometry": ("Topic", "nav_msgs/Odometry"),
+    "rviz/Pose": ("Topic", "geometry_msgs/PoseStamped"),
+    "rviz/PointCloud2": ("Topic", "sensor_msgs/PointCloud2"),
+    "rviz/Marker": ("Marker Topic", "visualization_msgs/Marker"),
+    "rviz/MarkerArray": ("Marker Topic", "visualization_msgs/MarkerArray"),
+}
+TRUTH = "Ground truth"  # the one display that may be without its topic: most drives have no truth
+# What can be chosen: name of the display in the shipped file.
+DISPLAYS = {"path": "Path", "dead_reckoning": "Dead reckoning", "truth": TRUTH, "landmarks": "Landmarks",
+            "landmark_cloud": "Landmarks from afar", "pose": "Pose, 3 sigma"}
+FRAMES = {"map_frame": "map", "odom_frame": "odom", "imu_frame": "imu_link"}
+
+
+class TopicDisplay:
+    """A display that is switched on and listens: its name, its topic, the topic's type."""
+
+    def __init__(self, name, topic, kind):
+        self.name, self.topic, self.kind = name, topic, kind
+
+
+def shipped_path():
+    """Path of the shipped configuration, in the checkout or in the install space."""
+    return package_file("rviz", "vi_ekf_slam.rviz")
+
+
+def load_config(path):
+    """A configuration as nested dicts; InputError names the file and what is wrong with it."""
+    config = read_yaml(path)
+    manager = config.get("Visualization Manager") if isinstance(config, dict) else None
+    displays = manager.get("Displays") if isinstance(manager, dict) else None
+    if not isinstance(displays, list) or not all(isinstance(d, dict) and "Class" in d for d in displays):
+        raise InputError("%s: has no list 'Displays' below 'Visualization Manager', allowed: a file that rviz saved"
+                         % path)
+    return config
+
+
+def dump_config(config):
+    """The configuration as bytes that rviz reads."""
+    return yaml.safe_dump(config, default_flow_style=False, sort_keys=False, allow_unicode=True).encode("utf-8")
+
+
+def displays_of(config):
+    """The list of displays, to be read or changed; those inside groups are not listed one by one."""
+    return config["Visualization Manager"]["Displays"]
+
+
+def topic_displays(config):
+    """[TopicDisplay] of the displays that are switched on and whose type is known here."""
+    found = []
+    for display in displays_of(config):
+        key, kind = TOPIC_DISPLAYS.get(display["Class"], (None, None))
+        if key is not None and display.get("Enabled", True) and display.get(key):
+            found.append(TopicDisplay(str(display.get("Name", display["Class"])), str(display[key]), kind))
+    return found
+
+
+def set_topic(config, name, topic):
+    """Give the display of this name another topic, or take it out when the topic is ''."""
+    displays = displays_of(config)
+    display = next(d for d in displays if d.get("Name") == name)
+    if topic:
+        display[TOPIC_DISPLAYS[display["Class"]][0]] = topic
+    else:
+        displays.remove(display)
+
+
+def without_truth(config):
+    """Switch the display of the truth off."""
+    for display in displays_of(config):
+        if display.get("Name") == TRUTH:
+            display["Enabled"] = display["Value"] = False
+
+
+def fixed_frame(config):
+    """The frame in which rviz draws."""
+    return str(config["Visualization Manager"]["Global Options"]["Fixed Frame"])
+
+
+def set_frames(config, names):
+    """Replace frames of the shipped configuration; names: {frame of the shipped file: frame to use or ''}."""
+    manager = config["Visualization Manager"]
+    options, views = manager["Global Options"], manager["Views"]
+    options["Fixed Frame"] = names.get(options["Fixed Frame"], options["Fixed Frame"])
+    for view in [views["Current"]] + (views["Saved"] or []):
+        if "Target Frame" in view:
+            view["Target Frame"] = names.get(view["Target Frame"], view["Target Frame"])
+    for display in displays_of(config):
+        if "Reference Frame" in display:
+            display["Reference Frame"] = names.get(display["Reference Frame"], display["Reference Frame"])
+        if display["Class"] == "rviz/TF" and "Frames" in display:
+            frames = {names.get(frame, frame): value for frame, value in display["Frames"].items()}
+            display["Frames"] = {frame: value for frame, value in frames.items() if frame}

@@ -1,0 +1,37 @@
+"""compare_maps.py: which landmarks it takes, when they were seen, and what it refuses."""
+
+import numpy as np
+import pytest
+from conftest import drive, is_png
+
+from vi_ekf_slam.evaluation.map_comparison import Map, main, read_tracks
+
+
+def test_tracks_are_those_of_the_bag(bag):
+    seen = (drive()["features"] >= 0.0).all(axis=0)  # ids x frames
+    tracks = read_tracks(bag, "/features")
+    assert sorted(tracks) == list(range(len(seen)))
+    for id_, frames in enumerate(seen):
+        assert tracks[id_][0] == frames.sum()
+        assert tracks[id_][1] == pytest.approx(np.flatnonzero(frames)[-1] / (seen.shape[1] - 1), abs=1e-6)
+
+
+def test_landmarks_that_were_seen_long_enough_are_drawn(run):
+    positions, late = Map(str(run)).select({7: (12, 0.9), 8: (9, 0.9), 9: (10, 0.2)}, 10)
+    assert np.array_equal(positions[:, 0], [20, 5000]) and late.tolist() == [True, False]
+
+
+def test_a_picture_is_drawn(run, bag, tmp_path):
+    output = tmp_path / "maps.png"
+    arguments = [str(run), str(run), "--bag", bag, "--least", "1", "--output", str(output)]
+    assert main(arguments) == 0 and is_png(output)
+    assert main(arguments + ["--zoom", "0", "0", "20", "--names", "a", "b"]) == 0
+
+
+@pytest.mark.parametrize("options, message", [
+    (["--output", "maps.pdf"], "ends in .png"), (["--names", "a", "b"], "2 names for 1 runs"),
+    (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--features", "/none"], "has no features on /none"),
+    (["--bag", "none.bag"], "no such file")])
+def test_bad_requests_are_refused(run, bag, tmp_path, capsys, options, message):
+    assert main([str(run), "--bag", bag, "--output", str(tmp_path / "maps.png")] + options) == 2
+    assert message in capsys.readouterr().err and not (tmp_path / "maps.png").exists()

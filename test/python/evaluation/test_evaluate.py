@@ -1,0 +1,255 @@
+"""evaluate.py as a whole: numbers, pictures, formats, refusals."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from conftest import TRUE_POSITIONS, drive, is_png, tum
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
+from vi_ekf_slam.evaluation import graphs, top_view
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.report import DEFINITIONS, table
+from vi_ekf_slam.evaluation.run_inputs import default_names
+from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
+
+STAMPS = drive()["time_stamps"][0]
+FRAMES = "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_ms"
+PICTURES = ["drift", "errors", "frames", "landmarks", "trajectory"]
+
+
+@pytest.fixture
+def full_run(run):
+    """The run with covariances of (0.1 m)^2 and (0.01 rad)^2, and its frames: NIS 9 of 10 dof, k ms for frame k."""
+    diagonal = [0.01] * 3 + [0.0001] * 3
+    row = ",".join("%g" % v for v in np.diag(diagonal)[np.triu_indices(6)])
+    (run / "covariance.csv").write_text(
+        "stamp," + ",".join(COVARIANCE_COLUMNS) + "\n" + "".join("%.9f,%s\n" % (t, row) for t in STAMPS))
+    (run / "frames.csv").write_text(
+        FRAMES + "\n" + "".join("%.9f,12,0,10,2,0,0,12,%d,9,10,%d\n" % (t, k == 5, k) for k, t in enumerate(STAMPS)))
+    return run
+
+
+def numbers(run):
+    with open(str(run / "evaluation.json"), encoding="utf-8") as stream:
+        return json.load(stream)
+
+
+def test_table_json_and_pictures(script, full_run, bag):
+    done = script("evaluate.py", full_run, "--bag", bag)
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].split() == ["run", "run", "run"] and lines[1].split()[-3:] == ["dead", "reckoning", "SLAM"]
+    assert "positions of the left camera" in lines[1]
+    cells = {line[:27].strip(): line.split() for line in lines[3:] if line[:27].strip()}
+    assert cells["ATE, anchored at the start"][-1] == "0.000" and float(cells["ATE, anchored at the start"][-2]) > 1.0
+    assert cells["NIS per dof, 1 is right"][-2:] == ["-", "0.900"]
+    assert cells["frame time, longest"][-1] == "7.00"
+    for name in PICTURES:
+        assert is_png(full_run / ("evaluation_%s.png" % name)), name
+        assert b"<svg" in (full_run / ("evaluation_%s.svg" % name)).read_bytes()[:1000]
+    data = numbers(full_run)
+    assert data["slam"]["body"] == "left camera" and data["slam"]["matched"] == 8
+    assert data["slam"]["ate_m"] == pytest.approx(0.0, abs=1e-6) and data["slam"]["t_rel_percent"] is None
+    assert data["consistency"]["pose_nees"] == pytest.approx(0.0, abs=1e-6) and data["consistency"]["poses"] == 8
+    assert data["frames"]["frames_rejected"] == 1 and data["timing"]["frame_mean_ms"] == pytest.approx(3.5)
+    assert data["definitions"] == DEFINITIONS
+    assert not [name for name in os.listdir(str(full_run)) if name.endswith(".part")]
+
+
+def test_figures_of_dead_reckoning_by_hand(script, full_run, tmp_path):
+    # Without a bag the IMUs are compared: dead reckoning is off by 0.3 k^2 m at pose k, and never turns.
+    truth = tmp_path / "truth.tum"
+    truth.write_text(tum(TRUE_POSITIONS))
+    done = script("evaluate.py", full_run, "--truth", truth, "--no-plots")
+    assert done.returncode == 0, done.stderr
+    assert "positions of the IMU" in done.stdout and "no bag with an extrinsic" in done.stdout
+    dead = numbers(full_run)["dead_reckoning"]
+    errors = 0.3 * np.arange(8.0) ** 2
+    steps = np.diff(errors)
+    assert dead["ate_anchored_m"] == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert dead["end_error_m"] == pytest.approx(14.7)
+    assert dead["end_error_percent"] == pytest.approx(1470.0 / dead["true_path_m"])
+    assert dead["rpe"]["1 frame"]["translation_m"] == pytest.approx(np.sqrt(np.mean(steps**2)))
+    assert dead["rpe"]["1 frame"]["rotation_deg"] == pytest.approx(0.0, abs=1e-5) and dead["rpe"]["1 frame"]["pairs"] == 7
+    assert dead["rpe"]["1 s"]["translation_m"] is None  # the drive lasts 0.7 s
+    assert dead["rpe"]["10 m"]["translation_m"] == pytest.approx(np.sqrt(np.mean((errors[2:] - errors[:-2]) ** 2)))
+    assert dead["drift"]["position_error"][-1] == {"distance_m": dead["true_path_m"], "error_m": pytest.approx(14.7)}
+    assert not [name for name in os.listdir(str(full_run)) if name.endswith(".png")]
+
+
+def test_nees_of_a_run_by_hand(script, full_run, tmp_path):
+    # The truth is 0.2 m above the estimate from pose 1 on, two standard deviations: NEES 0, then seven times 4.
+    truth = tmp_path / "truth.tum"
+    truth.write_text(tum([(x, y, 0.2 if k else 0.0) for k, (x, y, _) in enumerate(TRUE_POSITIONS)]))
+    assert script("evaluate.py", full_run, "--truth", truth, "--no-plots").returncode == 0
+    found = numbers(full_run)["consistency"]
+    assert found["pose_nees"] == pytest.approx(3.5) and found["position_nees"] == pytest.approx(3.5)
+    assert found["rotation_nees"] == pytest.approx(0.0, abs=1e-9)
+    assert found["within_bounds_percent"] == pytest.approx(87.5)  # 0 is below the lower bound
+
+
+def test_without_truth_there_are_pictures_and_timing(script, full_run):
+    done = script("evaluate.py", full_run)
+    assert done.returncode == 0 and "no truth" in done.stdout and "ATE" not in done.stdout, done.stderr
+    assert "frame time, median" in done.stdout
+    assert is_png(full_run / "evaluation_errors.png") and not (full_run / "evaluation_drift.png").exists()
+    data = numbers(full_run)
+    assert data["slam"] is None and data["consistency"] is None and data["timing"]["frame_longest_ms"] == 7.0
+
+
+def test_a_run_of_trajectories_alone_will_do(script, run):
+    done = script("evaluate.py", run)
+    assert done.returncode == 0 and "evaluation_trajectory.png" in done.stdout, done.stderr
+    assert not (run / "evaluation_frames.png").exists() and not (run / "evaluation_errors.png").exists()
+
+
+def test_exports_are_read_back_and_by_strict_readers(script, full_run, bag, tmp_path):
+    out = tmp_path / "out"
+    done = script("evaluate.py", full_run, "--bag", bag, "--no-plots", "--export-tum", "--export-kitti", "--output", out)
+    assert done.returncode == 0, done.stderr
+    exported = out / "export"
+    assert sorted(os.listdir(str(exported))) == sorted(
+        name + end for name in ("slam", "dead_reckoning", "truth") for end in (".tum", "_kitti.txt"))
+    for path in exported.iterdir():  # evo's readers want exactly one blank between columns and none at the end
+        columns = 12 if path.name.endswith("_kitti.txt") else 8
+        assert {len(line.split(" ")) for line in path.read_text().splitlines()} == {columns}
+        assert len(read_pose_file(str(path))[1]) == 8
+    stamps, poses = read_tum(str(exported / "slam.tum"))
+    assert np.allclose(stamps, STAMPS, atol=1e-6) and np.allclose(poses[:, :3, 3], TRUE_POSITIONS)
+    assert np.allclose(read_tum(str(exported / "truth.tum"))[1], poses, atol=1e-6)
+    _, cameras = read_pose_file(str(exported / "slam_kitti.txt"))
+    assert np.allclose(cameras[3][:3, 3], [-1.8, 0.0, 15.0], atol=1e-6)  # right, down, forward of (15, 1.8, 0)
+
+    # The exported files in place of DIR have the errors of the run that they come from.
+    files = [exported / "dead_reckoning.tum", exported / "dead_reckoning_kitti.txt"]
+    done = script("evaluate.py", full_run, *files, "--bag", bag, "--no-plots", "--output", tmp_path / "again")
+    assert done.returncode == 0, done.stderr
+    runs = numbers(tmp_path / "again")["runs"]
+    assert [r["name"] for r in runs] == ["run", "dead_reckoning", "dead_reckoning_kitti"]
+    for r in runs[1:]:
+        assert r["slam"]["ate_m"] == pytest.approx(runs[0]["dead_reckoning"]["ate_m"], abs=1e-5)
+        assert r["dead_reckoning"] is None
+
+
+def test_kitti_exports_match_row_by_row(script, full_run, save, tmp_path):
+    from vi_ekf_slam.bag.converter import main as convert
+    truth, bag = tmp_path / "short.tum", str(tmp_path / "short.bag")
+    truth.write_text("".join(tum(TRUE_POSITIONS).splitlines(True)[:6]))  # the truth ends two frames early
+    assert convert([save(drive()), bag, "--quiet", "--truth", str(truth)]) == 0
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots", "--export-kitti").returncode == 0
+    for name in ("slam", "dead_reckoning", "truth"):
+        assert len(read_pose_file(str(full_run / "export" / (name + "_kitti.txt")))[1]) == 6
+
+
+def test_several_runs_side_by_side(script, full_run, bag, tmp_path):
+    out = tmp_path / "out"
+    other = full_run / "trajectory.tum"
+    done = script("evaluate.py", full_run, other, "--bag", bag, "--name", "first", "--name", "second", "--output", out)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0].split() == ["run", "first", "first", "second"]
+    assert is_png(out / "evaluation_comparison.png") and is_png(out / "evaluation_comparison_drift.png")
+    assert is_png(out / "first" / "evaluation_errors.png") and is_png(out / "second" / "evaluation_trajectory.png")
+    assert [r["name"] for r in numbers(out)["runs"]] == ["first", "second"]
+
+
+def test_one_dead_reckoning_has_one_column():
+    errors = {"matched": 8, "body": "IMU"}
+    runs = [{"name": n, "slam": errors, "dead_reckoning": errors, "frames": None} for n in ("a", "b")]
+    assert table(runs)[0].split() == ["run", "a", "a", "b"]
+
+
+def test_names_tell_runs_apart():
+    assert default_names(["x/0027", "y/0034/", "z/orb.tum"]) == ["0027", "0034", "orb"]
+    assert default_names(["x/run", "y/run", "z.d"]) == ["x/run", "y/run", "z.d"]
+
+
+def test_refusals_are_one_line(script, full_run, bag, tmp_path):
+    kitti, far = tmp_path / "kitti.txt", tmp_path / "far.tum"
+    kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    far.write_text("5 0 0 0 0 0 0 1\n6 0 0 0 0 0 0 1\n")
+    for arguments, word in (
+            ([tmp_path / "none"], "cannot be read"), ([kitti], "--bag is needed"), ([far, "--bag", bag], "does not meet"),
+            ([full_run, "--truth", kitti], "--bag is needed"), ([full_run, "--truth", far], "do not meet"),
+            ([full_run, "--bag", bag, "--bag", bag], "--bag is given 2 times"), ([full_run, full_run], "--name"),
+            ([full_run, "--export-kitti"], "--export-kitti needs --bag"),
+            ([full_run, "--truth-body", "imu"], "--truth-body needs --truth"),
+            ([full_run, "--output", full_run / "trajectory.tum"], "cannot be made")):
+        done = script("evaluate.py", *arguments)
+        assert done.returncode == 2 and done.stdout == "", (arguments, done.stdout)
+        assert done.stderr.startswith("error: ") and word in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert not (full_run / "evaluation.json").exists()
+
+
+def test_covariances_are_read_in_their_order(full_run):
+    row = [str(v) for v in range(21)]
+    (full_run / "covariance.csv").write_text("stamp," + ",".join(COVARIANCE_COLUMNS) + "\n1.0," + ",".join(row) + "\n")
+    matrix = read_covariances(str(full_run / "covariance.csv"), np.array([1.0]))[0]
+    assert np.array_equal(matrix, matrix.T) and list(matrix[0]) == [0, 1, 2, 3, 4, 5]
+    assert matrix[1, 1] == 6 and matrix[3, 5] == 17 and matrix[5, 5] == 20  # `ac` and `cc`
+    with pytest.raises(InputError, match="covariance.csv: its 1 stamps are not the 2"):
+        read_covariances(str(full_run / "covariance.csv"), np.array([1.0, 2.0]))
+
+
+def test_frames_without_times_are_drawn_all_the_same(full_run):
+    path = full_run / "frames.csv"
+    path.write_text("\n".join(line.rsplit(",", 1)[0] for line in path.read_text().splitlines()) + "\n")
+    frames = read_frames(str(path))
+    assert "update_ms" not in frames and len(graphs.draw_frames("drive", frames).axes) == 2
+    path.write_text(FRAMES + "\n")
+    assert read_frames(str(path)) is None
+    path.write_text("stamp,features\n1,2\n")
+    with pytest.raises(InputError, match="frames.csv: allowed: .*nis_dof"):
+        read_frames(str(path))
+
+
+def test_pictures_over_time_say_what_they_show(full_run):
+    frames = read_frames(str(full_run / "frames.csv"))
+    figure = graphs.draw_frames("drive", frames)
+    assert [axes.get_ylabel() for axes in figure.axes] == ["features a frame", "NIS per dof", "frame time (ms)"]
+    assert "frame rejected (1)" in [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
+    assert "all frames: 0.900" in [t.get_text() for t in figure.axes[1].get_legend().get_texts()]
+    assert figure.axes[-1].get_xlabel() == "time (s)"
+
+    stamps, poses = read_tum(str(full_run / "trajectory.tum"))
+    covariances = read_covariances(str(full_run / "covariance.csv"), stamps)
+    figure = graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances, (stamps, poses)))
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels == ["x (m)", "y (m)", "z (m)", "roll (deg)", "pitch (deg)", "yaw (deg)", "NEES"]
+    bound = figure.axes[3].collections[0].get_paths()[0].vertices[:, 1].max()
+    assert bound == pytest.approx(np.degrees(0.03))  # three times 0.01 rad
+    assert len(graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances)).axes) == 6
+
+    evaluation = evaluate(stamps, poses, (stamps, poses))
+    figure = graphs.draw_drift("drive", graphs.drift_lines(None, [("SLAM", evaluation)]))
+    assert "too short" in figure.axes[1].texts[0].get_text()
+
+
+def test_ellipses_do_not_pile_up():
+    # A hundred landmarks in one square metre and one alone: of the crowd only that with the median deviation is chosen.
+    limits = ((0.0, 100.0), (0.0, 50.0))
+    points = np.vstack([np.random.default_rng(1).uniform(10.0, 11.0, (100, 3)), [[60.0, 40.0, 0]], [[500.0, 0, 0]]])
+    deviations = np.concatenate([np.arange(1.0, 101.0), [3.0, 4.0]])
+    assert list(top_view.spread_out(points, deviations, limits, 5.0)) == [49, 100]
+
+
+@pytest.mark.parametrize("deviation, factor", [(0.001, 100), (0.1, 10), (0.5, 2), (1.0, 1), (50.0, 1)])
+def test_ellipses_are_enlarged_until_they_are_seen(deviation, factor):
+    # In squares of 5 m an ellipse may reach 2.5 m to a side, and reaches 2.45 deviations.
+    assert top_view.enlargement(np.full(9, deviation), 5.0) == factor
+
+
+def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
+    # [[2, 1], [1, 2]] m^2: standard deviations sqrt(3) m at 45 deg and 1 m; 95 % lie within 2.4477 of them.
+    covariance = np.array([[[2.0, 1.0, 0], [1.0, 2.0, 0], [0, 0, 1.0]]])
+    line = np.array([[0.0, 0, 0], [200.0, 100.0, 0]])
+    landmark, deviation = np.array([[100.0, 50.0, 0]]), np.array([np.sqrt(3.0)])
+    figure = top_view.draw_run("drive", line, None, None, landmark, deviation, covariance)
+    assert "ellipses: 95 % of 1 landmarks" in figure.axes[0].texts[0].get_text()
+    outline = next(c for c in figure.axes[0].collections if c.__class__.__name__ == "LineCollection").get_segments()[0]
+    radii = np.linalg.norm(outline - [100.0, 50.0], axis=1)
+    farthest = outline[np.argmax(radii)] - [100.0, 50.0]
+    assert radii.max() == pytest.approx(2.4477 * np.sqrt(3.0)) and radii.min() == pytest.approx(2.4477)
+    assert farthest[0] == pytest.approx(farthest[1])

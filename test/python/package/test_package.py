@@ -1,0 +1,84 @@
+"""The package as a whole: what catkin_lint says about it, and that its configurations are those that it documents."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+import yaml
+from conftest import HANG_S, ROOT
+
+
+def read(*path):
+    with open(os.path.join(ROOT, *path), encoding="utf-8") as stream:
+        return stream.read()
+
+
+@pytest.mark.skipif(shutil.which("catkin_lint") is None, reason="NOT RUN: catkin_lint is not installed")
+def test_catkin_lint_is_clean(tmp_path):
+    package = tmp_path / "vi_ekf_slam"  # a checkout may have any name, a package's folder may not
+    package.symlink_to(ROOT)
+    environment = {key: value for key, value in os.environ.items() if key != "ROS_PACKAGE_PATH"}  # names the checkout
+    done = subprocess.run(["catkin_lint", "--strict", "-W2", "--offline", str(package)], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S, env=environment)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("name, struct, section", [
+    ("default", "include/vi_ekf_slam/ros/ros_config.hpp", "ros"),
+    ("default", "include/vi_ekf_slam/core/measurement_buffer.hpp", "buffer")])
+def test_the_default_configuration_states_the_defaults(name, struct, section):
+    """Every member of the structure is in the file, with the value that the structure gives it."""
+    written = yaml.safe_load(read("config", name + ".yaml"))[section]
+    body = re.search(r"struct (?:Options|RosConfig) \{(.*?)\n *\};", read(struct), re.DOTALL).group(1)
+    members = dict(re.findall(r"^ +(?:std::string|std::size_t|bool|double) (\w+)\s*=\s*([^;]+);", body, re.MULTILINE))
+    members.update((key, '""') for key in re.findall(r"^ +std::string (\w+);", body, re.MULTILINE))
+    assert len(members) > 2
+    for key, value in members.items():
+        assert key in written, key
+        assert written[key] == yaml.safe_load(value), key
+    assert section != "ros" or set(written) == set(members)
+
+
+def test_every_python_file_compiles_with_the_oldest_supported_version():
+    """Ubuntu 20.04 has Python 3.8: syntax of later versions must not creep in."""
+    import ast
+    for folder in ("scripts", os.path.join("src", "vi_ekf_slam"), os.path.join("test", "python"), os.path.join("test", "ros")):
+        paths = [os.path.join(below, name) for below, _, names in os.walk(os.path.join(ROOT, folder)) for name in names]
+        sources = [path for path in paths if path.endswith(".py")]
+        assert len(sources) > 5, folder
+        for path in sources:
+            ast.parse(read(path), path, feature_version=(3, 8))
+    assert sys.version_info >= (3, 8)
+
+
+def test_every_folder_of_modules_is_a_package():
+    """What has no __init__.py is found in the devel space and forgotten by the installation (find_packages in setup.py)."""
+    folders = [(below, names) for below, _, names in os.walk(os.path.join(ROOT, "src", "vi_ekf_slam"))
+               if any(name.endswith(".py") for name in names)]
+    assert len(folders) > 5
+    assert [below for below, names in folders if "__init__.py" not in names] == []
+
+
+CASE = '<testcase classname="%s" name="%s">%s</testcase>'
+FAILURE = "<failure/>"
+
+
+@pytest.mark.parametrize("files, printed", [
+    ({}, "0 passed, 0 failed, 0 skipped"),
+    ({"gtest-a": [("a", "x", ""), ("a", "y", "<skipped/>")]}, "1 passed, 0 failed, 1 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", "")], "rosunit-node": [("N", "x", ""), ("N", "y", "")]},
+     "2 passed, 0 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)], "rosunit-node": [("N", "x", ""), ("N", "y", FAILURE)]},
+     "1 passed, 1 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)], "rosunit-node": [("N", "x", "")]},
+     "1 passed, 1 failed, 0 skipped"),
+    ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)]}, "0 passed, 1 failed, 0 skipped")])
+def test_results_count_once(script, tmp_path, files, printed):
+    for name, cases in files.items():
+        (tmp_path / (name + ".xml")).write_text("<testsuite>%s</testsuite>" % "".join(CASE % case for case in cases))
+    done = script("count_test_results.py", tmp_path)
+    assert done.stdout.splitlines()[-1] == printed
+    assert done.returncode == (0 if " 0 failed" in printed and not printed.startswith("0 passed") else 1)
