@@ -158,7 +158,7 @@ class Soak {
     drive.features_min = std::min(drive.features_min, options_.features / 2 + 1);
     drive.duration = static_cast<double>(options_.frames) / kFrameRate;
     drive.frame_rate = kFrameRate;
-    drive.track_median = 4.0; // short tracks: map and archive are full within the first hour
+    drive.track_median = 0.4; // short tracks: map and archive are full within the first hour
     simulation::DriveSimulator simulator(drive);
     system_.setRig(simulator.rig());
     while (auto step = simulator.next()) {
