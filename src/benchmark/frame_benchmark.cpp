@@ -8,82 +8,25 @@
 #endif
 
 #include <Eigen/Cholesky>
-#include <Eigen/Core>
+#include <algorithm>
 #include <chrono>
-#include <cmath>
-#include <random>
 
-#include "vi_ekf_slam/core/frame_update.hpp"
+#include "resting_scene.hpp"
 
-namespace vi_ekf_slam::invariant {
+namespace vi_ekf_slam {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-/// A state that has seen `landmarks` points for some frames, and the next frame of them all.
-struct Scene {
-  explicit Scene(std::size_t landmarks)
-      : model(rig(), config.pixel_sigma, config.min_depth_m),
-        state({Vector6d::Constant(1e-6), config.prior_twist_sigma, config.prior_bias_sigma}) {
-    std::mt19937 engine(1);
-    std::uniform_real_distribution<double> x(-8.0, 8.0), y(-2.0, 2.0), z(6.0, 60.0);
-    std::normal_distribution<double> pixel(0.0, 0.3);
-    for (std::size_t i = 0; i < landmarks; ++i) {
-      const double depth = z(engine);
-      points.emplace_back(0.1 * depth * x(engine), 0.1 * depth * y(engine), depth);
-    }
-    const auto observe = [&](const SE3& cam_T_world) {
-      StereoFrame seen;
-      for (std::size_t i = 0; i < points.size(); ++i) {
-        const StereoPixels noise(pixel(engine), pixel(engine), pixel(engine), pixel(engine));
-        seen.features.push_back({i, rig().camera.project(cam_T_world * points[i]) + noise});
-      }
-      return seen;
-    };
-    frame = observe(SE3());
-    for (const StereoFeatureObservation& feature : frame.features) {
-      const auto sighting = model.triangulate(state, feature.pixels, 1e3);
-      state.addLandmark(feature.id, sighting->position, sighting->covariance);
-    }
-    const ProcessNoise noise{config.twist_density, config.bias_density};
-    for (int k = 0; k < 5; ++k) {
-      state.propagate(0.1, noise);
-      frame = observe(SE3());
-      FrameUpdate(config, model).apply(state, frame, observations(), {});
-    }
-    state.propagate(0.1, noise);
-    frame = observe(SE3());
-  }
-
-  static StereoRig rig() {
-    StereoRig rig;
-    rig.camera = {700.0, 700.0, 600.0, 180.0, 0.54};
-    return rig;
-  }
-
-  std::vector<Observation> observations() const {
-    std::vector<Observation> all;
-    for (std::size_t i = 0; i < frame.features.size(); ++i) {
-      auto observation = model.observe(state, i, frame.features[i].pixels);
-      observation->feature = i;
-      all.push_back(*observation);
-    }
-    return all;
-  }
-
-  InvariantConfig config;
-  StereoModel model;
-  State state;
-  std::vector<Eigen::Vector3d> points;
-  StereoFrame frame;
-};
 
 double seconds(Clock::time_point from) { return std::chrono::duration<double>(Clock::now() - from).count(); }
 
 /// Arguments: active landmarks, all of them seen.
 void frameUpdate(benchmark::State& run) {
-  const Scene scene(static_cast<std::size_t>(run.range(0)));
-  const Eigen::Index n = scene.state.size(), m = 3 * static_cast<Eigen::Index>(run.range(0));
+  RestingScene scene(static_cast<std::size_t>(run.range(0)), {});
+  scene.advance();
+  const StereoFrame frame = scene.look();
+  const std::vector<Association> associations = scene.associations();
+  const Eigen::Index n = scene.filter.rows(), m = 3 * static_cast<Eigen::Index>(run.range(0));
   const Eigen::MatrixXd random = Eigen::MatrixXd::Random(m, m);
   const Eigen::MatrixXd S = random * random.transpose() + 10.0 * Eigen::MatrixXd::Identity(m, m);
   const Eigen::MatrixXd PHt = Eigen::MatrixXd::Random(n, m);
@@ -92,10 +35,9 @@ void frameUpdate(benchmark::State& run) {
   double ours = 0.0, kernels = 0.0;
   std::size_t used = 0;
   for (auto _ : run) {
-    State state = scene.state;
+    Filter filter = scene.filter;
     auto start = Clock::now();
-    const FrameOutcome outcome =
-        FrameUpdate(scene.config, scene.model).apply(state, scene.frame, scene.observations(), {});
+    const FrameOutcome outcome = scene.update.apply(filter, scene.map, frame, associations);
     const double took = seconds(start);
     ours += took;
     used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
@@ -109,10 +51,9 @@ void frameUpdate(benchmark::State& run) {
     kernels += seconds(start);
     benchmark::DoNotOptimize(P.data());
   }
-  const auto iterations = static_cast<double>(run.iterations());
   run.counters["rows"] = static_cast<double>(n);
   run.counters["used"] = static_cast<double>(used);
-  run.counters["kernels_ms"] = 1e3 * kernels / iterations;
+  run.counters["kernels_ms"] = 1e3 * kernels / static_cast<double>(run.iterations());
   run.counters["ratio"] = ours / kernels;
 }
 
@@ -127,7 +68,7 @@ BENCHMARK(frameUpdate)
     ->Unit(benchmark::kMillisecond);
 
 } // namespace
-} // namespace vi_ekf_slam::invariant
+} // namespace vi_ekf_slam
 
 int main(int argc, char** argv) {
 #ifdef __GLIBC__

@@ -111,12 +111,12 @@ void Diagnostics::estimator(Status& status) {
 
 /// An estimate that has just begun anew is an error; one that does so at each report keeps being one.
 void Diagnostics::divergence(Status& status) {
-  status.summary(DiagnosticStatus::OK, "believed");
+  status.summary(DiagnosticStatus::OK, "consistent");
   const Blindness& blindness = system_.blindness();
   status.addf("without a correction by features (s of sensor time)", "%.1f", blindness.current());
   if (blindness.isBlind()) {
     status.summary(DiagnosticStatus::WARN,
-                   "blind: no feature corrects the estimate, which is dead reckoning");
+                   "loss of vision: no feature corrects the estimate, which is dead reckoning");
   }
   const auto& counts = system_.counts().divergences;
   std::string reasons;
@@ -203,7 +203,7 @@ void Diagnostics::drops(Status& status) {
   status.add("frames rejected", c.frames_rejected);
   status.add("landmarks revisited", c.landmarks_revisited);
   status.add("places recognised", c.places_recognised);
-  status.addf("blind, in all (s of sensor time)", "%.1f", c.blind_s);
+  status.addf("loss of vision, in all (s of sensor time)", "%.1f", c.blind_s);
   status.add("relocalisations", c.relocalisations);
   status.add("gaps", c.gaps);
   status.add("resets", c.resets);

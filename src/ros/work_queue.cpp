@@ -63,13 +63,13 @@ void WorkQueue::close() {
 }
 
 std::size_t WorkQueue::clear() {
-  std::deque<Item> forgotten; // destroyed without the lock: somebody may wait for what it held
+  std::deque<Item> dropped; // destroyed without the lock: somebody may wait for what it held
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    forgotten.swap(items_);
+    dropped.swap(items_);
     frames_ = 0;
   }
-  return static_cast<std::size_t>(std::count_if(forgotten.begin(), forgotten.end(),
+  return static_cast<std::size_t>(std::count_if(dropped.begin(), dropped.end(),
                                                 [](const Item& item) { return item.stream.has_value(); }));
 }
 

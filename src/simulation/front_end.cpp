@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kStaleGap = 0.3;   // s, the least from one stale frame to the next
 constexpr double kStaleSlot = 0.1;  // s, in which stale_fraction counts
-constexpr double kFirstSlide = 0.1; // s that a sliding track has slid when it is new
+constexpr double kFirstDrift = 0.1; // s for which a drifting track has drifted when it is new
 constexpr double kLn2 = 0.6931471805599453;
 constexpr double kLeastRefill = 0.7; // of features_max
 
@@ -98,10 +98,10 @@ bool FrontEnd::follow(Track& track, double dt, const SE3& cam_T_world,
     if (object == objects.end()) return false;
     track.truth.world = object->position + object->points[track.car->second];
   }
-  const Eigen::Vector3d p = cam_T_world * (drift_.slide() * (track.birth_inverse * track.truth.world));
+  const Eigen::Vector3d p = cam_T_world * (drift_.slide() * (track.first_drift_inverse * track.truth.world));
   if (!view_.sees(p)) return false;
   if (!track.car && scene_.occluded(cam_T_world.inverse().translation(), track.truth.world)) return false;
-  track.offset += dt * track.slide + walk(dt);
+  track.offset += dt * track.velocity + walk(dt);
   const StereoPixels where = view_.rig.camera.project(p) + track.offset;
   if (!view_.contains(where)) return false;
   track.pixels = where + noise();
@@ -116,12 +116,12 @@ bool FrontEnd::goAstray(Track& track, const SE3& world_T_cam) {
   if (!p_cam || !view_.sees(*p_cam)) return false;
   track.truth.point = next_point_++;
   track.truth.world = world_T_cam * *p_cam;
-  track.birth_inverse = drift_.slide().inverse();
+  track.first_drift_inverse = drift_.slide().inverse();
   track.truth.kind = ObservationKind::kStale;
   track.scene_index.reset();
   track.car.reset();
   track.offset.setZero();
-  track.slide.setZero();
+  track.velocity.setZero();
   return true;
 }
 
@@ -171,7 +171,7 @@ void FrontEnd::start(Track track, const SE3& cam_T_world) {
   if (!view_.sees(p)) return;
   const StereoPixels where = view_.rig.camera.project(p) + track.offset;
   if (!view_.contains(where)) return;
-  track.birth_inverse = drift_.slide().inverse();
+  track.first_drift_inverse = drift_.slide().inverse();
   const bool returning = options_.ids_return && track.scene_index;
   const auto known = returning ? known_.find(*track.scene_index) : known_.end();
   if (known != known_.end()) {
@@ -188,7 +188,7 @@ void FrontEnd::start(Track track, const SE3& cam_T_world) {
   tracks_.push_back(track);
 }
 
-/// Half of the outliers are matched to a wrong column of the right image, half slide away in both images.
+/// Half of the outliers are matched to a wrong column of the right image, half drift away in both images.
 void FrontEnd::makeOutlier(Track& track) {
   track.truth.kind = ObservationKind::kOutlier;
   if (track_random_.uniform() < 0.5) {
@@ -197,8 +197,8 @@ void FrontEnd::makeOutlier(Track& track) {
     const double angle = track_random_.uniform(0.0, 6.283185307179586),
                  speed = track_random_.uniform(20.0, 50.0); // px/s
     const double u = speed * std::cos(angle), v = speed * std::sin(angle);
-    track.slide = {u, v, u, v};
-    track.offset = kFirstSlide * track.slide;
+    track.velocity = {u, v, u, v};
+    track.offset = kFirstDrift * track.velocity;
   }
 }
 

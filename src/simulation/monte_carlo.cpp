@@ -38,20 +38,17 @@ std::size_t checkPointFrame(double share, std::size_t frames) {
 DriveOptions studyOptions(MotionModel motion) {
   DriveOptions options;
   options.motion = motion;
-  // Tracks slide together as the default filter says, and as they do on the real drives.
-  const InvariantConfig filter;
-  options.drift_position = filter.drift_position;
-  options.drift_rotation = filter.drift_rotation;
   if (motion == MotionModel::kCarDrive) return options;
   options.duration = 100.0;
   // The default filter's own model of motion, biases and noise: any other would test the model, not the
   // filter.
-  options.noise_forward = filter.twist_density[0];
-  options.noise_lateral = filter.twist_density[1];
-  options.noise_vertical = filter.twist_density[2];
-  options.noise_rotation = filter.twist_density[3];
-  options.gyro_bias_sigma = filter.prior_bias_sigma[3];
-  options.pixel_sigma = filter.pixel_sigma;
+  const InvariantConfig filter;
+  options.noise_forward = filter.motion.twist_density[0];
+  options.noise_lateral = filter.motion.twist_density[1];
+  options.noise_vertical = filter.motion.twist_density[2];
+  options.noise_rotation = filter.motion.twist_density[3];
+  options.gyro_bias_sigma = filter.motion.prior_bias_sigma[3];
+  options.pixel_sigma = filter.stereo.pixel_sigma;
   options.outlier_fraction = options.stale_fraction = 0.0;
   options.moving_objects = 0;
   return options;

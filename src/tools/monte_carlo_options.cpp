@@ -18,8 +18,8 @@ pose NEES at 25, 50, 75 and 100 % of the drive (error and covariance in right-in
 freedom), NIS per degree of freedom (of each plausible observation by itself, before the consensus chooses), whether
 the variance of the global yaw ever falls before a landmark is seen again, and position errors. Writes seeds.csv (a row
 a seed), check_points.csv (a row a seed and check point) and frames.csv (means over the seeds, a row a frame) into DIR,
-which is made if needed. In either motion all tracks slide together as the DEFAULT filter says (drift_position,
-drift_rotation) and as they do on real drives; --set drift-position=0 --set drift-rotation=0 makes a perfect front end.
+which is made if needed. The errors of the tracks are white, unless --set drift-position=X --set drift-rotation=Y gives all tracks
+a common one that grows with the distance.
 
   --config FILE        configuration, the same YAML file that the node takes
   --output DIR         where the results go; files of the same names are replaced

@@ -1,4 +1,4 @@
-/// Drives for a day of sensor time, as fast as it goes, through the node's own way: messages, Intake,
+/// Drives for a day of sensor time, as fast as it goes, through the node's own input path: messages, Intake,
 /// SlamSystem, OutputSequencer, what would be published, files. Ends with 1 when memory grows, a number is
 /// none, or a pose is missing.
 #include <unistd.h>

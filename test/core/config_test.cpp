@@ -93,6 +93,21 @@ INSTANTIATE_TEST_SUITE_P(
                  "greater than min_depth_m"},
         BadValue{"paper: {min_depth_m: 5, max_depth_m: 2.5e-9}", "paper.max_depth_m", "2.5e-9",
                  "greater than min_depth_m"},
+        BadValue{"invariant: {twist_density: -1}", "invariant.twist_density", "-1", ">= 0"},
+        BadValue{"invariant: {prior_twist_sigma: 0}", "invariant.prior_twist_sigma", "0", "> 0"},
+        BadValue{"invariant: {pixel_sigma: 0}", "invariant.pixel_sigma", "0", "> 0"},
+        BadValue{"invariant: {min_depth_m: 5, max_depth_m: 4}", "invariant.max_depth_m", "4",
+                 "greater than min_depth_m"},
+        BadValue{"invariant: {consensus: 2}", "invariant.consensus", "2", "true or false"},
+        BadValue{"invariant: {gate: .nan}", "invariant.gate", ".nan", "a finite number > 0"},
+        BadValue{"invariant: {divergence_window_s: -1}", "invariant.divergence_window_s", "-1", ">= 0"},
+        BadValue{"invariant: {divergence_share: 1.1}", "invariant.divergence_share", "1.1", "> 0 and <= 1"},
+        BadValue{"invariant: {standstill_px: -0.1}", "invariant.standstill_px", "-0.1", ">= 0"},
+        BadValue{"invariant: {scale_sigma: 0.3}", "invariant.scale_sigma", "0.3", "<= 0.2"},
+        BadValue{"map: {keep: some}", "map.keep", "some", "one of none, good, all"},
+        BadValue{"map: {min_track_s: -1}", "map.min_track_s", "-1", ">= 0"},
+        BadValue{"map: {max_landmarks: 20001}", "map.max_landmarks", "20001", "<= 20000"},
+        BadValue{"map: {max_landmarks: 1.5}", "map.max_landmarks", "1.5", "a whole number"},
         BadValue{"- 1\n- 2", "the document", "- 1\n- 2", "a mapping"}));
 
 TEST(Config, NamesAnUnknownKeyAndTheKnownOnes) {
@@ -102,6 +117,16 @@ TEST(Config, NamesAnUnknownKeyAndTheKnownOnes) {
             {"robot.yaml", "paper.pixel_nose", "unknown key", "pixel_noise"});
   expectAll(errorIn("buffer: {pixel_noise: 1}"),
             {"robot.yaml", "buffer.pixel_noise", "unknown key", "max_delay_s"});
+}
+
+// What an older file may still ask for: it is not silently ignored.
+TEST(Config, NamesAKeyThatIsNoMore) {
+  for (const std::string key : {"drift_position", "drift_rotation", "manoeuvre_density", "manoeuvre_share",
+                                "twist_state", "scale_significance", "deferred_mb"}) {
+    expectAll(errorIn("invariant: {" + key + ": 1}"), {"robot.yaml", "invariant." + key, "unknown key"});
+  }
+  expectAll(errorIn("map: {min_observations: 10}"),
+            {"robot.yaml", "map.min_observations", "unknown key", "min_track_s"});
 }
 
 TEST(Config, NamesAKeyThatIsGivenTwice) {
@@ -180,6 +205,65 @@ paper:
   EXPECT_EQ(config.paper.landmark_fraction, 0.5);
   EXPECT_EQ(config.paper.min_depth_m, 0.75);
   EXPECT_EQ(config.paper.max_depth_m, 99.0);
+}
+
+TEST(Config, EveryKeyOfTheInvariantFilterReachesItsField) {
+  const InvariantConfig c = parseConfig(R"(
+invariant:
+  twist_density: [1, 2, 3, 4, 5, 6]
+  bias_density: 0.1
+  prior_twist_sigma: 0.2
+  prior_bias_sigma: 0.3
+  velocity_sigma: 0.4
+  gyro_sigma: 0.5
+  pixel_sigma: 0.6
+  min_disparity: 0.7
+  max_row_offset: 0.8
+  min_depth_m: 0.9
+  max_depth_m: 10
+  consensus: false
+  consensus_px: 11
+  gate: 12
+  frame_gate: 13
+  plausible_gate: 14
+  motion_gate: 15
+  divergence_window_s: 16
+  divergence_nis: 17
+  divergence_share: 0.18
+  divergence_jump_m: 19
+  standstill_px: 20
+  scale_sigma: 0.121
+map: {keep: all, min_track_s: 22, max_landmarks: 23, recognise_places: true}
+)",
+                                        "robot.yaml")
+                                .invariant;
+  EXPECT_EQ(c.motion.twist_density, (Vector6d() << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0).finished());
+  EXPECT_EQ(c.motion.bias_density, Vector6d::Constant(0.1));
+  EXPECT_EQ(c.motion.prior_twist_sigma, Vector6d::Constant(0.2));
+  EXPECT_EQ(c.motion.prior_bias_sigma, Vector6d::Constant(0.3));
+  EXPECT_EQ(c.motion.velocity_sigma, 0.4);
+  EXPECT_EQ(c.motion.gyro_sigma, 0.5);
+  EXPECT_EQ(c.stereo.pixel_sigma, 0.6);
+  EXPECT_EQ(c.stereo.min_disparity, 0.7);
+  EXPECT_EQ(c.stereo.max_row_offset, 0.8);
+  EXPECT_EQ(c.stereo.min_depth_m, 0.9);
+  EXPECT_EQ(c.stereo.max_depth_m, 10.0);
+  EXPECT_FALSE(c.update.consensus);
+  EXPECT_EQ(c.update.consensus_px, 11.0);
+  EXPECT_EQ(c.update.gate, 12.0);
+  EXPECT_EQ(c.update.frame_gate, 13.0);
+  EXPECT_EQ(c.update.plausible_gate, 14.0);
+  EXPECT_EQ(c.update.motion_gate, 15.0);
+  EXPECT_EQ(c.recovery.monitor.window_s, 16.0);
+  EXPECT_EQ(c.recovery.monitor.nis, 17.0);
+  EXPECT_EQ(c.recovery.monitor.refused_share, 0.18);
+  EXPECT_EQ(c.recovery.jump_m, 19.0);
+  EXPECT_EQ(c.standstill_px, 20.0);
+  EXPECT_EQ(c.scale_sigma, 0.121);
+  EXPECT_EQ(c.map.keep, MapKeep::kAll);
+  EXPECT_EQ(c.map.min_track_s, 22.0);
+  EXPECT_EQ(c.map.max_landmarks, 23U);
+  EXPECT_TRUE(c.recognise_places);
 }
 
 TEST(Config, NumbersMayBeWrittenAsPythonWritesThem) {
@@ -338,7 +422,7 @@ TEST(Config, AcceptsALongLine) {
   for (int i = 0; i < 5; ++i) list += ", 0.50000000000000000";
   std::string yaml = "{estimator: invariant, invariant: {twist_density: [" + list + "]}, ros: {note: '";
   yaml += std::string(5000, 'x') + "'}}";
-  EXPECT_EQ(parseConfig(yaml, "x", {"ros"}).invariant.twist_density, Vector6d::Constant(0.5));
+  EXPECT_EQ(parseConfig(yaml, "x", {"ros"}).invariant.motion.twist_density, Vector6d::Constant(0.5));
 }
 
 } // namespace vi_ekf_slam

@@ -17,8 +17,8 @@ Config chooseConfig(FuzzBytes& bytes) {
   config.paper.landmark_fraction = 1.0;
   const std::size_t kind = bytes.below(8);
   if (kind >= 5) config.estimator = EstimatorType::kPaper;
-  if (kind == 4) config.invariant.twist_state = false;
-  if (kind == 3) config.invariant.consensus = false;
+  if (kind == 4) config.invariant.scale_sigma = 0.03;
+  if (kind == 3) config.invariant.update.consensus = false;
   if (kind == 5) config.paper.mode = PaperMode::kDeadReckoning;
   if (kind == 6) config.paper.mode = PaperMode::kMapping;
   config.buffer.max_size = 1 + bytes.below(64);

@@ -31,7 +31,7 @@ Closures drive(std::uint64_t seed, double laps, bool recognise) {
   options.strength_spread = 3.0;
   options.gyro_sigma = 0.1; // to be less sure of where it is
   Config config;
-  config.invariant.map.recognise_places = recognise;
+  config.invariant.recognise_places = recognise;
   DriveSimulator simulator(options);
   const auto estimator = makeEstimator(config);
   estimator->setRig(simulator.rig());

@@ -35,8 +35,6 @@ Result drive(std::uint64_t seed, const Fault& fault, const Config& config = {}) 
   options.seed = seed;
   options.duration = kFault + fault.skipped_s + fault.blind_s + 40.0;
   options.stale_fraction = 0.0; // a front end that mixes up its tracks hides the displacement
-  options.drift_position = config.invariant.drift_position;
-  options.drift_rotation = config.invariant.drift_rotation;
   DriveSimulator simulator(options);
   SlamSystem system(config);
   system.setRig(simulator.rig());
@@ -94,7 +92,7 @@ TEST(DisplacedCar, IsFollowedWithAnHonestCovariance) {
 
 TEST(DisplacedCar, IsLostWhereNobodyLooks) {
   Config config;
-  config.invariant.divergence_jump_m = 0.0;
+  config.invariant.recovery.jump_m = 0.0;
   for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
     const Result result = drive(seed, {2.2, 0.0}, config);
     EXPECT_EQ(jumps(result.counts), 0U) << seed;

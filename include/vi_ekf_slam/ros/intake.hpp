@@ -21,7 +21,7 @@ struct InputTopics {
   std::string right_info = "right/camera_info";
 };
 
-/// The one way from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
+/// The one path from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
 /// it turns away, and hands over the calibration as soon as it is complete.
 class Intake {
  public:

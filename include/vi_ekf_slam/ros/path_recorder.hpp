@@ -10,7 +10,7 @@
 namespace vi_ekf_slam {
 
 /// A path that stays small: points at least a distance apart, and every second one dropped (the distance
-/// doubled) when there are too many, so that the whole way stays visible.
+/// doubled) when there are too many, so that the whole path stays visible.
 class PathRecorder {
  public:
   /// `frame`: the path's header.frame_id; `min_distance_m` in m.

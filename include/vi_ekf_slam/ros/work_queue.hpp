@@ -49,7 +49,7 @@ class WorkQueue {
   std::optional<Item> pop(double wait_s);
   /// Nothing more comes in; what is held can still be taken.
   void close();
-  /// Forgets what is held; returns how many measurements that were.
+  /// Drops what is held; returns how many measurements that were.
   std::size_t clear();
   bool closed() const;
   Counts counts() const;

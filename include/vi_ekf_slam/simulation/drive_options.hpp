@@ -39,16 +39,17 @@ struct DriveOptions {
 
   double pixel_sigma = 0.7;       ///< px per coordinate, white in time
   double pixel_correlation = 0.0; ///< between the left and the right coordinate of one observation
-  double drift_position =
-      0.0; ///< m/m^0.5, root spectral density, per distance driven, of what all tracks slide
-  double drift_rotation = 0.0; ///< rad/m^0.5, and of what they turn about the vehicle
+  /// Root spectral densities, per distance driven, of the error that all tracks have in common: m/m^0.5, and
+  /// rad/m^0.5 about the vehicle.
+  double drift_position = 0.0;
+  double drift_rotation = 0.0;
   /// px/s^0.5, root spectral density of each track's own random walk, the same in both images.
   double track_walk = 0.0;
   int features_max = 115;         ///< tracks after the fullest re-detection
   int features_min = 25;          ///< fewer tracks than this call for a re-detection
   double track_median = 2.6;      ///< s; median of the exponential track life, if nothing else ends it
   double track_max = 17.0;        ///< s, the longest track
-  double outlier_fraction = 0.03; ///< of the tracks: wrong stereo matches and sliding tracks
+  double outlier_fraction = 0.03; ///< of the tracks: wrong stereo matches, and drifting tracks
   int moving_objects = 2;         ///< other cars at a time, 5 to 10 features each
   /// Re-detections that repeat the surviving tracks' pixels, in 0.1 s: of the frames at 10 Hz, and as many in
   /// a second at any other rate.

@@ -19,7 +19,7 @@ enum class ObservationKind : std::uint8_t {
   kStatic = 0,  ///< the projection of a static point plus noise
   kStale = 1,   ///< repeats the pixels of the frame before; from here on the id follows another static point
   kMoving = 2,  ///< the projection of a point on a moving object plus noise
-  kOutlier = 3, ///< a wrong stereo match or a sliding track
+  kOutlier = 3, ///< a wrong stereo match, or a track that drifts off its point
 };
 
 /// The truth behind one observation.
@@ -55,8 +55,8 @@ class FrontEnd {
     std::optional<std::uint64_t> scene_index;                 ///< of a point of the scene
     std::optional<std::pair<std::uint64_t, std::size_t>> car; ///< moving object and the point on it
     StereoPixels offset = StereoPixels::Zero();               ///< px off the projection (outliers, walks)
-    StereoPixels slide = StereoPixels::Zero();                ///< px/s that `offset` grows
-    SE3 birth_inverse;                                        ///< of TrackDrift::slide() when it was new
+    StereoPixels velocity = StereoPixels::Zero();             ///< px/s, of `offset`
+    SE3 first_drift_inverse;                                  ///< of TrackDrift::slide() when it was new
   };
 
   bool drawStale();

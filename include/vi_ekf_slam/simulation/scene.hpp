@@ -69,7 +69,7 @@ class StreetScene : public Scene {
   std::vector<double> strengths_;       ///< the stronger, the more easily detected
 };
 
-/// Points that come into being wherever the camera looks. They are in nobody's way and never return.
+/// Points that come into being wherever the camera looks. They occlude nothing and never return.
 class OpenScene : public Scene {
  public:
   OpenScene(const DriveOptions& options, const View& view);

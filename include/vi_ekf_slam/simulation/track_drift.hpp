@@ -10,10 +10,10 @@
 
 namespace vi_ekf_slam::simulation {
 
-/// Tracks of a real front end slide and lag together, so that the tracked world turns and shifts slowly about
-/// the vehicle. Its rate is a Gauss-Markov process (time constant half a second, as measured on the KITTI
-/// drives against their truth); over longer ways it adds up to a random walk with `drift_position` and
-/// `drift_rotation`.
+/// The error that the tracks of a real front end have in common: they lag and drift together, so that the
+/// tracked world turns and shifts slowly about the vehicle. Its rate is a Gauss-Markov process (time constant
+/// half a second, as measured on the KITTI drives against their truth); over longer distances it adds up to a
+/// random walk with `drift_position` and `drift_rotation`.
 class TrackDrift {
  public:
   explicit TrackDrift(const DriveOptions& options);

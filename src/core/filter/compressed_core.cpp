@@ -1,6 +1,6 @@
 #include "vi_ekf_slam/core/filter/compressed_core.hpp"
 
-#include <Eigen/Cholesky>
+#include <cmath>
 
 namespace vi_ekf_slam {
 
@@ -24,15 +24,22 @@ void CompressedCore::correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& 
   Phi_.noalias() -= PHt * weighted;
 }
 
-/// By the pivoted factorisation Omega = P^T L D L^T P, of which what rounding left of zeros is dropped.
+/// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of zeros.
 Eigen::MatrixXd CompressedCore::Gamma() const {
-  const Eigen::LDLT<Eigen::MatrixXd> ldlt(Omega_);
-  const Eigen::VectorXd D = ldlt.vectorD();
-  const double least = 1e-15 * D.cwiseAbs().maxCoeff();
+  constexpr double kRounding = 1e-15;
+  Eigen::MatrixXd left = Omega_, Gamma(size_, size_);
+  const Eigen::VectorXd least = kRounding * Omega_.diagonal();
   Eigen::Index rank = 0;
-  while (rank < D.size() && D[rank] > least) ++rank;
-  const Eigen::MatrixXd L = ldlt.matrixL();
-  return ldlt.transpositionsP().transpose() * (L.leftCols(rank) * D.head(rank).cwiseSqrt().asDiagonal());
+  for (; rank < size_; ++rank) {
+    Eigen::Index pivot = 0;
+    (left.diagonal() - least).maxCoeff(&pivot);
+    if (!(left(pivot, pivot) > least[pivot])) break;
+    Gamma.col(rank) = left.col(pivot) / std::sqrt(left(pivot, pivot));
+    left.noalias() -= Gamma.col(rank) * Gamma.col(rank).transpose();
+    left.row(pivot).setZero();
+    left.col(pivot).setZero();
+  }
+  return Gamma.leftCols(rank);
 }
 
 } // namespace vi_ekf_slam

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/filter/direct_update.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <unordered_map>
 #include <utility>
 
@@ -13,20 +14,20 @@ namespace {
 constexpr double kWorstCondition = 1e6;    // of J: 150 m before a pair of 0.1 m it is 2e3
 constexpr double kLargestInnovation = 1e4; // S over R: R - R S^-1 R loses as many digits of what is small
 
-/// X <- X A for n x 3 columns.
-template <class Columns>
-void turn(Columns&& X, const Eigen::Matrix3d& A) {
-  X = X.lazyProduct(A).eval();
-}
-
 } // namespace
 
+/// Of the lower triangle: the columns of each point, then its rows.
 void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
-  for (const auto& [row, M] : points) turn(P.middleCols<3>(row), M.transpose());
+  if (points.empty()) return;
+  for (const auto& [row, M] : points) {
+    auto below = P.middleCols<3>(row).bottomRows(P.rows() - row);
+    below = below.lazyProduct(M.transpose()).eval();
+  }
   for (Eigen::Index column = 0; column < P.cols(); ++column) {
     for (const auto& [row, M] : points) {
+      if (row + 2 < column) continue;
       const Eigen::Vector3d own = P.col(column).segment<3>(row);
-      P.col(column).segment<3>(row) = M * own;
+      P.col(column).segment<3>(row).noalias() = M * own;
     }
   }
   mirrorLower(P);
@@ -157,7 +158,7 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
     const bool is_rest = std::find(rest_.begin(), rest_.end(), point.row) != rest_.end();
     if (is_rest) unseen.push_back(point);
   }
-  if (!unseen.empty()) reexpress(P, unseen);
+  reexpress(P, unseen);
 }
 
 } // namespace vi_ekf_slam

@@ -64,19 +64,32 @@ Eigen::MatrixXd Filter::poseInfluence(const Eigen::Vector3d& position) const {
 
 /// Of P: F P F^T + Q of the core; its covariance with the rest waits.
 void Filter::propagate(const CoreStep& step) {
+  const Eigen::Index k = step.F.rows();
   auto Pc = covariance_.topLeftCorner(core_rows_, core_rows_);
   core_.open(pose().translation(), Pc);
-  Pc = (step.F * Pc * step.F.transpose()).eval() + step.Q;
-  Pc = (0.5 * (Pc + Pc.transpose())).eval();
-  core_.transform(step.F);
+  const Eigen::MatrixXd FP = step.F * Pc, FPF = FP * step.F.transpose();
+  Pc.middleRows(step.row, k) = FP;
+  Pc.middleCols(step.row, k) = FP.transpose();
+  Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
+  Pc += step.Q;
+  core_.transform(step.row, step.F);
   variables_.setPose(step.pose);
   for (const auto& [handle, mean] : step.means) variables_.mean(handle) = mean;
 }
 
-/// The rest r keeps its world form d, y = d + X x_pose, with X0 and X1 = X0 M where the period began and ends:
-/// P_yy' = P_yy + X0 W^T + W X0^T - A Gamma Gamma^T A^T, with A = P_d0.
 void Filter::settle() {
-  if (!core_.isOpen()) return;
+  if (core_.isOpen()) endPeriod(Eigen::MatrixXd(rows() - core_rows_, 0), 0);
+}
+
+void Filter::moveRest(Handle by, const Eigen::MatrixXd& G) {
+  if (!core_.isOpen()) core_.open(pose().translation(), covariance_.topLeftCorner(core_rows_, core_rows_));
+  endPeriod(G, by);
+}
+
+/// The rest r keeps its world form d, y = d + X x_pose, with X0 and X1 = X0 M where the period began and ends,
+/// and moves by G x_by then: P_yy' = P_yy + X0 W^T + W X0^T - A Gamma Gamma^T A^T + G Z^T + Z G^T, with A = P_d0
+/// and Z = P_y,by + G P_by,by / 2.
+void Filter::endPeriod(const Eigen::MatrixXd& G, Handle by) {
   core_.close();
   const Eigen::Index c = core_rows_, n = rows(), r = n - c;
   const Eigen::MatrixXd Gamma = core_.Gamma();
@@ -89,32 +102,42 @@ void Filter::settle() {
   Matrix6d M = Matrix6d::Identity();
   M.topRightCorner<3, 3>() = so3::hat(moved);
   const Eigen::MatrixXd X0 = poseInfluence(core_.position()).bottomRows(r);
-  // P_rc and the pose's part of P_cc as of the beginning; what is in the place of P_cc is of now.
+  // P_rc and P_c0 are as of the beginning, P_cc is of now.
   const Eigen::MatrixXd& Phi = core_.Phi();
-  auto P_rc = covariance_.block(c, 0, r, c);
   const Eigen::MatrixXd& P_c0 = core_.covariance();
+  const auto P_cc = covariance_.topLeftCorner(c, c);
+  auto P_rc = covariance_.block(c, 0, r, c);
   const Eigen::MatrixXd C0 = P_rc.leftCols<6>();
   Eigen::MatrixXd A = P_rc;
   A.noalias() -= X0 * P_c0.topRows<6>();
-  const Matrix6d T0 = P_c0.topLeftCorner<6, 6>(), T1 = covariance_.topLeftCorner<6, 6>();
-  Eigen::MatrixXd P_dc = A * Phi.transpose();
-  const Eigen::MatrixXd W =
-      P_dc.leftCols<6>() * M.transpose() - C0 + X0 * (0.5 * (T0 + M * T1 * M.transpose()));
+  const Matrix6d T0 = P_c0.topLeftCorner<6, 6>(), T1 = P_cc.topLeftCorner<6, 6>();
   const Eigen::MatrixXd learned = A * Gamma;
-  Eigen::MatrixXd left(r, 12 + Gamma.cols()), right(r, 12 + Gamma.cols());
-  left << X0, W, -learned;
-  right << W, X0, learned;
+  P_rc.noalias() = A * Phi.transpose();
+  const Eigen::Index q = Gamma.cols(), k = G.cols(), row = k > 0 ? rowOf(by) : 0;
+  Eigen::MatrixXd left(r, 12 + q + 2 * k), right(r, 12 + q + 2 * k);
+  left.leftCols<6>() = right.middleCols<6>(6) = X0;
+  left.middleCols<6>(6) = P_rc.leftCols<6>() * M.transpose() - C0;
+  left.middleCols<6>(6).noalias() += X0 * (0.5 * (T0 + M * T1 * M.transpose()));
+  right.leftCols<6>() = left.middleCols<6>(6);
+  left.middleCols(12, q) = -learned;
+  right.middleCols(12, q) = learned;
+  P_rc.noalias() += X0 * (M * P_cc.topRows<6>());
+  if (k > 0) {
+    left.middleCols(12 + q, k) = right.rightCols(k) = G;
+    left.rightCols(k) = P_rc.middleCols(row, k);
+    left.rightCols(k).noalias() += G * (0.5 * P_cc.block(row, row, k, k));
+    right.middleCols(12 + q, k) = left.rightCols(k);
+    P_rc.noalias() += G * P_cc.middleRows(row, k);
+  }
   auto P_rr = covariance_.block(c, c, r, r);
   P_rr.triangularView<Eigen::Lower>() += left * right.transpose();
   mirrorLower(P_rr);
-  const Eigen::MatrixXd X1 = X0 * M;
-  P_rc = P_dc;
-  P_rc.noalias() += X1 * covariance_.topLeftCorner(6, c);
   covariance_.block(0, c, c, r) = P_rc.transpose();
-  const Eigen::VectorXd correction = A * core_.psi();
+  Eigen::VectorXd correction = A * core_.psi();
+  if (k > 0) correction += G * variables_.mean(by);
   for (const Handle handle : variables_.handles()) {
-    const Eigen::Index row = rowOf(handle);
-    if (row >= c) variables_.mean(handle) += correction.segment(row - c, variables_.sizeOf(handle));
+    const Eigen::Index at = rowOf(handle);
+    if (at >= c) variables_.mean(handle) += correction.segment(at - c, variables_.sizeOf(handle));
   }
   inactive_.transform([&](auto X) {
     const Eigen::MatrixXd before = X.topRows(c);
@@ -122,6 +145,7 @@ void Filter::settle() {
     auto rest = X.bottomRows(r);
     rest.noalias() += X0 * (M * X.template topRows<6>() - before.topRows<6>());
     rest.noalias() -= learned * (Gamma.transpose() * before);
+    if (k > 0) rest.noalias() += G * X.middleRows(row, k);
   });
 }
 
@@ -172,7 +196,10 @@ bool Filter::correct(const LinearMeasurement& z) {
   divideByLowerTransposed(root, in.L());
   subtractSquare(Pc, root);
   const Eigen::Vector3d before = pose().translation();
-  variables_.retract(in.error(), c, {});
+  const auto reexpressed = variables_.retract(in.error(), c, {});
+  reexpress(Pc, reexpressed);
+  for (const auto& [row, M] : reexpressed)
+    core_.Phi().middleRows<3>(row) = (M * core_.Phi().middleRows<3>(row)).eval();
   const Matrix6d T = poseTransport(pose().translation() - before);
   Pc.topRows<6>() = (T * Pc.topRows<6>()).eval();
   Pc.leftCols<6>() = (Pc.leftCols<6>() * T.transpose()).eval();
@@ -199,7 +226,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
     direct->correct(P(), points);
   } else {
     subtractSquare(P(), root);
-    if (!points.empty()) reexpress(P(), points);
+    reexpress(P(), points);
   }
   inactive_.transform([&points](auto X) {
     for (const auto& [row, M] : points)

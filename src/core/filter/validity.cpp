@@ -13,7 +13,7 @@ constexpr double kNegligible = 1e-9;   // of a correlation matrix's eigenvalues
 bool isValid(const Filter& filter, bool thoroughly) {
   const Eigen::Index c = filter.coreRows();
   const auto P = filter.covariance();
-  const Eigen::MatrixXd core = P.topLeftCorner(c, c);
+  const auto core = P.topLeftCorner(c, c);
   const SE3& pose = filter.pose();
   if (!pose.rotation().allFinite() || !pose.translation().allFinite() || !core.allFinite() ||
       !P.diagonal().allFinite() || !(P.diagonal().array() >= 0.0).all())

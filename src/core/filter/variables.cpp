@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/filter/variables.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -67,6 +68,8 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
+/// With x - p = Exp(theta) (x^ - p^ + y) the error left of y is Exp(theta^) (y - y^), along the axes in which
+/// the corrected body sees the point.
 std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& error, Eigen::Index rows,
                                                        const PointChart& chart) {
   std::vector<Reexpressed> reexpressed;
@@ -79,12 +82,16 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& er
     auto x = mean_.segment(slot.row, slot.size);
     const auto e = error.segment(slot.row, slot.size);
     if (slot.chart == Chart::kVector) x += e;
-    if (slot.chart == Chart::kWorldVector) x = turn * (x + e).eval();
+    if (slot.chart == Chart::kWorldVector) {
+      x = turn * (x + e).eval();
+      reexpressed.push_back({slot.row, turn});
+    }
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
-    const std::optional<MovedPoint> moved = chart ? chart(way, e) : std::nullopt;
-    x = now + turn * (moved ? moved->way : Eigen::Vector3d(way + e));
-    if (moved) reexpressed.push_back({slot.row, moved->M});
+    const Eigen::Vector3d shift = error.head<3>(), d = e + error.segment<3>(3).cross(way) + shift;
+    const std::optional<MovedPoint> moved = chart ? chart(turn, way - shift, d) : std::nullopt;
+    x = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
+    reexpressed.push_back({slot.row, moved ? moved->M : turn});
   }
   return reexpressed;
 }

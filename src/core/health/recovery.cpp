@@ -46,7 +46,7 @@ void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
   const Eigen::Index c = filter.coreRows();
   CoreStep step;
   step.pose = (filter.pose() * motion).normalized();
-  step.F.setIdentity(c, c);
+  step.F.setIdentity(6, c);
   step.F.block<3, 3>(0, 3) = -so3::hat(step.pose.translation() - filter.pose().translation());
   step.Q.setZero(c, c);
   step.Q.topLeftCorner<6, 6>() = covariance;
@@ -55,7 +55,7 @@ void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
 }
 
 Recovery::Recovery(const Options& options, const MotionModel& motion)
-    : options_(options), motion_(motion), monitor_(options.monitor) {}
+    : options_(options), motion_(&motion), monitor_(options.monitor) {}
 
 void Recovery::travel(double distance_m, double angle_rad) {
   distance_ += distance_m;
@@ -72,7 +72,8 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
                            const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
   const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, associations.size(), used,
-                                              outcome.skipped, outcome.capped_nis, 3 * associations.size()});
+                                              outcome.skipped, outcome.capped_nis,
+                                              outcome.skipped ? 0 : 3 * associations.size()});
   const bool may_be_jump = options_.jump_m > 0.0 && has_frame_ &&
                            static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
@@ -115,7 +116,7 @@ void Recovery::followJump(Filter& filter, const SE3& motion) {
 /// The pose is moved and may be wrong by so much more; what moves is to be measured anew.
 void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases) {
   resetPose(filter, motion, covariance);
-  motion_.reset(filter, biases);
+  motion_->reset(filter, biases);
   monitor_.restart();
 }
 

@@ -11,8 +11,8 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kBetween = 2.0;           // s between attempts, each of which may take some 0.1 s
-constexpr double kSettlingPerSecond = 2e9; // operations, on the average
-constexpr std::size_t kObservations = 5;
+constexpr double kOperationsPerSecond = 2e9; // operations, on the average
+constexpr std::size_t kObservationsNow = 5;
 constexpr double kRadius = 70.0; // m about the vehicle
 // How often the view may have changed for a landmark to be of now, and must have for it to be of before.
 constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
@@ -24,7 +24,7 @@ constexpr double kNearPoint = 0.3;         // m: a corner found anew is not the 
 
 bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
   const double cost = filter.inactive().settlingCost();
-  allowance_ = std::min(allowance_ + seconds * kSettlingPerSecond, std::max(cost, 10.0 * kSettlingPerSecond));
+  allowance_ = std::min(allowance_ + seconds * kOperationsPerSecond, std::max(cost, 10.0 * kOperationsPerSecond));
   if ((next_attempt_ && now < *next_attempt_) || filter.inactive().size() < kLeastBefore || allowance_ < cost)
     return false;
   next_attempt_ = now + fromSeconds(kBetween);
@@ -46,7 +46,7 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
   if (seen_before.size() < kLeastBefore) return false;
   for (const Landmark& l : map.active()) {
     const Eigen::Vector3d position = filter.variables().point(l.variable);
-    if (l.observations >= kObservations && (position - about).norm() < kRadius)
+    if (l.observations >= kObservationsNow && (position - about).norm() < kRadius)
       seen_now.push_back({l.id, position});
   }
   const auto recognition = PlaceRecogniser().recognise(seen_now, seen_before, about, covariance);

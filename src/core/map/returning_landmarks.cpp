@@ -101,7 +101,9 @@ std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const Ste
   }
   for (std::size_t i = pairs; i-- > 0;) {
     if (fusion.fused[i]) {
-      map.active(index.at(ids[i])).observations += map.active()[first + i].observations;
+      Landmark& landmark = map.active(index.at(ids[i]));
+      landmark.observations += map.active()[first + i].observations;
+      landmark.first_seen = std::min(landmark.first_seen, map.active()[first + i].first_seen);
       map.discard(filter, first + i);
     } else {
       map.deactivate(filter, first + i);

@@ -32,9 +32,9 @@ void ConstantTwist::propagate(Filter& filter, double dt) const {
   const Matrix6d turned = SE3(pose.rotation(), Eigen::Vector3d::Zero()).adjoint();
   const Matrix6d B = moved * (dt * turned * se3::leftJacobian(dt * nu));
   const Eigen::Index c = filter.coreRows(), t = filter.rowOf(twist_), b = filter.rowOf(bias_);
-  step.F.setIdentity(c, c);
-  step.F.topLeftCorner<6, 6>() = moved;
-  step.F.block<6, 6>(0, t) = B;
+  step.F.setZero(6, c);
+  step.F.leftCols<6>() = moved;
+  step.F.middleCols<6>(t) = B;
   const Vector6d Q = dt * options_.twist_density.cwiseAbs2();
   step.Q.setZero(c, c);
   step.Q.topLeftCorner<6, 6>() = B * (Q / 3.0).asDiagonal() * B.transpose();

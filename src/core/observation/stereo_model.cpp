@@ -65,12 +65,14 @@ Eigen::Matrix3d StereoModel::noise() const {
 }
 
 PointChart StereoModel::inverseDepthChart(const Filter& filter) const {
-  const Eigen::Matrix3d R = rig_.cam_T_imu.rotation() * filter.pose().rotation().transpose();
+  const Eigen::Matrix3d cam_R_before = rig_.cam_T_imu.rotation() * filter.pose().rotation().transpose();
   const Eigen::Vector3d t = rig_.cam_T_imu.translation();
-  return [R, t](const Eigen::Vector3d& way, const Eigen::Vector3d& y) -> std::optional<MovedPoint> {
+  return [cam_R_before, t](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
+                           const Eigen::Vector3d& d) -> std::optional<MovedPoint> {
+    const Eigen::Matrix3d R = cam_R_before * turn.transpose();
     const Eigen::Vector3d q = R * way + t;
     if (!InverseDepth::isDefined(q)) return std::nullopt;
-    const Eigen::Vector3d moved = InverseDepth::moved(q, R * y);
+    const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
     return MovedPoint{R.transpose() * (moved - t),
                       R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R};
   };

@@ -82,6 +82,9 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   readStereo(section, invariant.stereo);
   readUpdate(section, invariant.update);
   readRecovery(section, invariant.recovery);
+  section.read("slip_sigma", Range::closed(0.0, 0.5), invariant.slip.sigma);
+  section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);
+  section.read("slip_length_m", Range::positive(), invariant.slip.length_m);
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
   section.finish();

@@ -12,8 +12,9 @@ namespace {
 
 // The world frame IS the first IMU frame; not zero, so that the covariance stays positive definite.
 constexpr double kPosePriorSigma = 1e-6; // m, rad
-constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
+constexpr double kLongestStep = 0.2;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
+constexpr double kBadFrames = 0.15;      // s, for which frames that contradict the local map may be wrong
 constexpr double kKnownHeading = 1.0;    // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return Vector6d::Constant(kPosePriorSigma * kPosePriorSigma).asDiagonal(); }
@@ -27,6 +28,7 @@ bool headingIsKnown(const Filter& filter) {
 InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
     : config_(config),
       motion_(std::make_shared<ConstantTwist>(config.motion)),
+      slip_(config.slip),
       filter_(SE3(), startCovariance()),
       map_(config.map),
       standstill_(config.standstill_px),
@@ -41,7 +43,9 @@ void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
   if (config_.scale_sigma > 0.0)
     scale_ = filter_.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
                              Eigen::MatrixXd::Constant(1, 1, config_.scale_sigma * config_.scale_sigma));
+  slip_.addTo(filter_);
   filter_.closeCore();
+  last_position_ = pose.translation();
 }
 
 void InvariantEstimator::setRig(const StereoRig& rig) { model_.emplace(rig, config_.stereo, scale_); }
@@ -112,6 +116,9 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   report.stamp = frame.stamp;
   report.features = frame.features.size();
   handleStandstill(frame);
+  const double distance = (filter_.pose().translation() - last_position_).norm();
+  slip_.propagate(filter_, distance);
+  slip_.apply(filter_, map_, distance);
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);
@@ -122,6 +129,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   checkpoint(true);
   recovery_.endFrame();
   last_frame_ = frame.stamp;
+  last_position_ = filter_.pose().translation();
   report.divergence = std::exchange(divergence_, Divergence::kNone);
   report.landmarks = map_.active().size();
   report.inactive = filter_.inactive().size();
@@ -166,16 +174,31 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.nis = outcome.nis;
   report.nis_dof = outcome.nis_dof;
   const Divergence divergence = recovery_.judge(filter_, map_, *model_, frame, seen.known, outcome);
-  if (divergence != Divergence::kNone) {
-    divergence_ = divergence;
-    report.removed += map_.active().size();
-    while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
-    rejected_.clear();
-    initialise(frame, usable, report);
-  } else if (!outcome.skipped) { // a skipped frame leaves the local map as it is
+  if (divergence != Divergence::kNone) divergence_ = divergence;
+  if (divergence != Divergence::kNone || (outcome.skipped && !isOneBadFrame(frame, seen))) {
+    beginMapAnew(frame, usable, report);
+  } else if (!outcome.skipped) {
+    last_used_ = frame.stamp;
     updateTracks(frame, seen, outcome, report);
     initialise(frame, seen.unknown, report);
-  }
+  } // a skipped frame leaves the local map as it is
+}
+
+/// One bad frame among good ones. When frames contradict the local map for longer, or the front end tracks other
+/// points than it has, that is not what is in view any more.
+bool InvariantEstimator::isOneBadFrame(const StereoFrame& frame, const Associations& seen) const {
+  return seen.known.size() >= seen.unknown.size() && last_used_ && last_frame_ &&
+         (*last_used_ == *last_frame_ || secondsBetween(*last_used_, frame.stamp) < kBadFrames);
+}
+
+/// Nothing speaks against these features but a local map that is not believed.
+void InvariantEstimator::beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable,
+                                      FrameReport& report) {
+  report.removed += map_.active().size();
+  while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
+  rejected_.clear();
+  last_used_ = frame.stamp;
+  initialise(frame, usable, report);
 }
 
 /// Rejected tracks contradict the static world, once and for all (a car, a track that slides): they leave the
@@ -194,10 +217,7 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
   for (std::size_t i = tracks.size(); i-- > 0;) {
     Landmark& landmark = map_.active(i);
     if (tracks[i] == Track::kUsed) {
-      if (landmark.reactivated) {
-        ++report.revisited;
-        landmark.first_seen = frame.stamp;
-      }
+      if (landmark.reactivated) ++report.revisited;
       landmark.reactivated = false;
       landmark.last_seen = frame.stamp;
       ++landmark.observations;
@@ -290,6 +310,7 @@ void InvariantEstimator::resume(Stamp stamp) {
     restore(*from.map, filter_, map_, *motion_);
     if (isValid(filter_, true) && canBridge(gap)) {
       stamp_ = from.map->stamp;
+      last_position_ = filter_.pose().translation();
       map_use_ = MapUse::kResumed;
       return;
     }

@@ -53,7 +53,11 @@ FrameOutcome FrameUpdate::apply(Filter& filter, const LandmarkMap& map, const St
   outcome.skipped = count == 0.0 || !in.factorise() || !(in.nis() <= options_.frame_gate * 3.0 * count) ||
                     !(motion_.twistChange(filter, in.error()) <= options_.motion_gate) ||
                     !filter.correct(in, model_.inverseDepthChart(filter));
-  if (outcome.skipped) return outcome;
+  if (outcome.skipped) {
+    outcome.nis = outcome.capped_nis = 0.0;
+    outcome.nis_dof = 0;
+    return outcome;
+  }
   outcome.used = chosen;
   if (options_.consensus) reconsider(filter, map, frame, associations, outcome);
   return outcome;

@@ -47,7 +47,7 @@ def anchored_errors(estimate, truth):
 
 
 def distances(positions):
-    """Length (N,) in m of the way along (N, 3) positions or (N, 4, 4) poses up to each of them."""
+    """Distance (N,) in m along (N, 3) positions or (N, 4, 4) poses up to each of them."""
     steps = np.diff(_positions(positions), axis=0)
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
 

@@ -13,7 +13,7 @@ Result = namedtuple("Result", "subject slam dead_reckoning consistency")
 Result.__doc__ = """subject: run_inputs.Subject. slam, dead_reckoning: against_truth.Evaluation or None.
 consistency: against_truth.Consistency or None."""
 
-DRIFT_POINTS = 21  # places along the way at which evaluation.json states the position error
+DRIFT_POINTS = 21  # places along the path at which evaluation.json states the position error
 
 DEFINITIONS = {
     "ate": "m: RMSE of the positions after rigid alignment (Umeyama, no scale) over all matched poses",

@@ -38,7 +38,7 @@ class DenseFilter {
   void propagate(const CoreStep& step) {
     open();
     Eigen::MatrixXd F = identity();
-    F.topLeftCorner(core_rows_, core_rows_) = step.F;
+    F.block(step.row, 0, step.F.rows(), core_rows_) = step.F;
     P_ = (F * P_ * F.transpose()).eval();
     P_.topLeftCorner(core_rows_, core_rows_) += step.Q;
     pose_ = step.pose;
@@ -65,11 +65,13 @@ class DenseFilter {
       if (v.chart == Chart::kPose) continue;
       if (v.chart == Chart::kWorldVector && v.active) {
         v.mean = turn * (v.mean + e);
+        F.block<3, 3>(v.row, v.row) = turn;
       } else if (v.chart == Chart::kPoint && v.active && !core) {
         const Eigen::Vector3d way = v.mean - before;
-        const auto moved = chart ? chart(way, e) : std::nullopt;
-        v.mean = now + turn * (moved ? moved->way : Eigen::Vector3d(way + e));
-        if (moved) F.block<3, 3>(v.row, v.row) = moved->M;
+        const Eigen::Vector3d shift = error.head<3>(), d = e + so3::hat(error.segment<3>(3)) * way + shift;
+        const auto moved = chart ? chart(turn, way - shift, d) : std::nullopt;
+        v.mean = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
+        F.block<3, 3>(v.row, v.row) = moved ? moved->M : turn;
       } else {
         v.mean += e;
       }
@@ -89,6 +91,18 @@ class DenseFilter {
     P_ = (F * P_ * F.transpose()).eval();
     P_.bottomRightCorner(k, k) += noise;
     variables_.push_back({handle, chart, true, mean, {}, n});
+  }
+
+  /// All errors and means move by G x of one variable.
+  void moveBy(Handle by, const Eigen::MatrixXd& G) {
+    settle();
+    const Variable source = of(by);
+    Eigen::MatrixXd F = identity();
+    F.middleCols(source.row, G.cols()) += G;
+    P_ = (F * P_ * F.transpose()).eval();
+    for (Variable& v : variables_) {
+      if (v.chart != Chart::kPose) v.mean += G.middleRows(v.row, v.mean.size()) * source.mean;
+    }
   }
 
   void addNoise(Handle handle, const Eigen::MatrixXd& noise) {

@@ -2,26 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <stdexcept>
-
-#include "../covariances.hpp"
-#include "../numeric.hpp"
 #include "dense_filter.hpp"
+#include "states.hpp"
 #include "vi_ekf_slam/core/filter/direct_update.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
-
-Eigen::MatrixXd randomMatrix(Random& random, Eigen::Index rows, Eigen::Index cols) {
-  Eigen::MatrixXd A(rows, cols);
-  for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = random.uniform(-1.0, 1.0);
-  return A;
-}
-
-Eigen::MatrixXd randomCovariance(Random& random, Eigen::Index size, double variance) {
-  const Eigen::MatrixXd A = randomMatrix(random, size, size);
-  return variance * (A * A.transpose() + 0.1 * Eigen::MatrixXd::Identity(size, size));
-}
 
 /// The filter and the plain one, through the same operations at random.
 class Pair {
@@ -37,7 +23,9 @@ class Pair {
 
   void doSomething() {
     const double dice = random_.uniform(0.0, 1.0);
-    if (dice < 0.25) {
+    if (dice < 0.05) {
+      moveRest();
+    } else if (dice < 0.25) {
       propagate();
     } else if (dice < 0.45) {
       measureCore();
@@ -65,6 +53,7 @@ class Pair {
       filter_.reset(core_[0], covariance);
       dense_.reset(core_[0], covariance);
     } else {
+      dense_.settle();
       for (const Handle handle : filter_.marginaliseOldest(1)) {
         dense_.remove(handle);
         inactive_.erase(std::find(inactive_.begin(), inactive_.end(), handle));
@@ -82,7 +71,8 @@ class Pair {
     std::vector<std::pair<Eigen::Index, Eigen::Index>> rows; // in the filter, in the dense one
     for (const auto& v : dense.variables()) {
       if (!v.active) continue;
-      for (Eigen::Index k = 0; k < v.mean.size(); ++k) rows.emplace_back(filter.rowOf(v.handle) + k, v.row + k);
+      for (Eigen::Index k = 0; k < v.mean.size(); ++k)
+        rows.emplace_back(filter.rowOf(v.handle) + k, v.row + k);
       if (v.chart == Chart::kPose) continue;
       ASSERT_LE(distance(filter.variables().mean(v.handle), v.mean), 1e-9);
     }
@@ -121,7 +111,8 @@ class Pair {
   static Matrix6d covariance6() { return Vector6d::Constant(0.01).asDiagonal(); }
 
   Handle anyOf(const std::vector<Handle>& handles) {
-    return handles[static_cast<std::size_t>(random_.uniform(0.0, 0.999) * static_cast<double>(handles.size()))];
+    return handles[static_cast<std::size_t>(random_.uniform(0.0, 0.999) *
+                                            static_cast<double>(handles.size()))];
   }
 
   Handle add(Chart chart, Eigen::Index size) {
@@ -131,7 +122,8 @@ class Pair {
     Eigen::MatrixXd J = 0.3 * randomMatrix(random_, size, filter_.rows());
     if (random_.uniform(0.0, 1.0) < 0.5) J.setZero();
     const Eigen::MatrixXd noise = randomCovariance(random_, size, 0.02);
-    const Handle handle = filter_.augment(chart, mean, noise, J.isZero() ? LinearFunction{} : LinearFunction{0, J});
+    const Handle handle =
+        filter_.augment(chart, mean, noise, J.isZero() ? LinearFunction{} : LinearFunction{0, J});
     dense_.augment(handle, chart, mean, noise, inDense(J));
     return handle;
   }
@@ -149,12 +141,25 @@ class Pair {
   void propagate() {
     const Eigen::Index c = filter_.coreRows();
     CoreStep step;
-    step.F = Eigen::MatrixXd::Identity(c, c) + 0.1 * randomMatrix(random_, c, c);
+    step.row = random_.uniform(0.0, 1.0) < 0.5 ? 0 : 6;
+    const Eigen::Index k = step.row == 0 ? c : 6;
+    step.F = Eigen::MatrixXd::Identity(c, c).middleRows(step.row, k) + 0.1 * randomMatrix(random_, k, c);
     step.Q = randomCovariance(random_, c, 1e-4);
     step.pose = filter_.pose() * SE3::Exp(random_.vector<6>(-0.3, 0.3));
     step.means.emplace_back(core_[1], random_.vector<3>(-5.0, 5.0));
     filter_.propagate(step);
     dense_.propagate(step);
+  }
+
+  void moveRest() {
+    filter_.settle();
+    dense_.settle(); // both: the period that may follow begins at the means of now
+    const Eigen::MatrixXd G = 0.1 * randomMatrix(random_, filter_.rows() - filter_.coreRows(), 4);
+    if (random_.uniform(0.0, 1.0) < 0.5) propagate();
+    filter_.moveRest(core_[2], G);
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(filter_.rows(), 4);
+    all.bottomRows(G.rows()) = G;
+    dense_.moveBy(core_[2], inDense(all.transpose()).transpose());
   }
 
   void measureCore() {
@@ -183,13 +188,15 @@ class Pair {
   /// As a frame does: most points directly, some by the calibration too, some noisier than others.
   void measurePoints() {
     filter_.settle();
+    dense_.settle();
     std::vector<LinearMeasurement> all;
     const double share = random_.uniform(0.3, 1.0);
     for (const Handle handle : points_) {
       if (filter_.variables().chartOf(handle) != Chart::kPoint || random_.uniform(0.0, 1.0) > share) continue;
       const double sigma = random_.uniform(0.05, 0.5);
       LinearMeasurement z(0.05 * randomMatrix(random_, 3, 1), sigma * sigma * Eigen::Matrix3d::Identity());
-      z.by(filter_.rowOf(handle), Eigen::Matrix3d(Eigen::Matrix3d::Identity() + 0.3 * randomMatrix(random_, 3, 3)));
+      z.by(filter_.rowOf(handle),
+           Eigen::Matrix3d(Eigen::Matrix3d::Identity() + 0.3 * randomMatrix(random_, 3, 3)));
       if (random_.uniform(0.0, 1.0) < 0.5) z.by(filter_.rowOf(calibration_), randomMatrix(random_, 3, 1));
       all.push_back(z);
     }
@@ -203,11 +210,12 @@ class Pair {
     in.keep(chosen);
     ASSERT_TRUE(in.factorise());
     direct_ += DirectUpdate::make(in) ? 1 : 0;
-    const PointChart chart = [](const Eigen::Vector3d& way, const Eigen::Vector3d& y) {
+    const PointChart chart = [](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
+                                const Eigen::Vector3d& d) {
       Eigen::Matrix3d M = Eigen::Matrix3d::Identity();
-      M(0, 1) = 0.1 * std::sin(way.x());
+      M = (M + 0.1 * std::sin(way.x()) * turn).eval();
       if (way.x() < 0.0) return std::optional<MovedPoint>();
-      return std::optional<MovedPoint>(MovedPoint{way + M * y, M});
+      return std::optional<MovedPoint>(MovedPoint{way + M * d, M});
     };
     ASSERT_TRUE(filter_.correct(in, chart));
     correctDense(all, chart, false);
@@ -252,6 +260,7 @@ class Pair {
       back.push_back(anyOf(inactive_));
       inactive_.erase(std::find(inactive_.begin(), inactive_.end(), back.back()));
     }
+    if (back.empty()) return;
     filter_.activate(back);
     for (const Handle handle : back) {
       dense_.activate(handle);

@@ -22,10 +22,9 @@ class CompressedCore {
   void open(const Eigen::Vector3d& position, const Eigen::Ref<const Eigen::MatrixXd>& P);
   void close() { open_ = false; }
 
-  /// The core's errors move by F.
-  template <class Matrix>
-  void transform(const Matrix& F) {
-    Phi_ = (F * Phi_).eval();
+  /// The core's errors move: the rows from `row` on become F x (F k x c).
+  void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
+    Phi_.middleRows(row, F.rows()) = (F * Phi_).eval();
   }
   /// They are corrected by a measurement H x of residual nu: P H^T (c x r), the factor L of S, H and nu.
   void correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L, const Eigen::MatrixXd& H,

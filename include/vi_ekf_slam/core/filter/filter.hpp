@@ -12,9 +12,11 @@
 
 namespace vi_ekf_slam {
 
-/// How the core moves from one stamp to the next: its errors as x' = F x + noise of covariance Q (c x c), the
-/// pose, and means of other core variables.
+/// How the core moves from one stamp to the next: its errors as x' = F x + noise of covariance Q (c x c), of
+/// which the rows [row, row + k) alone are not those of the identity (F k x c), the pose, and means of other
+/// core variables.
 struct CoreStep {
+  Eigen::Index row = 0;
   Eigen::MatrixXd F, Q;
   SE3 pose;
   std::vector<std::pair<Handle, Eigen::VectorXd>> means;
@@ -52,6 +54,8 @@ class Filter {
 
   // 1. Propagate. Whatever is not of the core stays where it is in the world.
   void propagate(const CoreStep& step);
+  /// The variables behind the core move by G x (rows() - coreRows() by k) of a core variable x.
+  void moveRest(Handle by, const Eigen::MatrixXd& G);
   /// The errors of these rows gain independent noise (k x k), such as a point that slides.
   void addNoise(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& noise);
 
@@ -105,6 +109,7 @@ class Filter {
  private:
   Eigen::Ref<Eigen::MatrixXd> P() { return covariance_.topLeftCorner(rows(), rows()); }
   Eigen::MatrixXd poseInfluence(const Eigen::Vector3d& position) const;
+  void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
   void erase(const Variables::Gone& gone, Eigen::Index rows_before);
   void reserve(Eigen::Index rows);

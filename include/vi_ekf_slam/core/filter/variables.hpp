@@ -23,14 +23,16 @@ enum class Chart : std::uint8_t {
 /// Names a variable from the time when it is added until it is removed.
 using Handle = std::uint32_t;
 
-/// Where a point is corrected in other coordinates than straight ones: given from p to the point (m, world
-/// axes) and the correction y, where it goes, and how the error is re-expressed there, y <- M y.
+/// Where a point is corrected in other coordinates than straight ones: from the corrected body to the point
+/// (world axes, m), and how the error is re-expressed there, y <- M y.
 struct MovedPoint {
   Eigen::Vector3d way;
   Eigen::Matrix3d M;
 };
-using PointChart =
-    std::function<std::optional<MovedPoint>(const Eigen::Vector3d& way, const Eigen::Vector3d& y)>;
+/// Given by how the body was turned (R' = turn R), the way from the corrected body to the point that is not
+/// corrected yet, and its correction d to first order, all along the world's axes.
+using PointChart = std::function<std::optional<MovedPoint>(
+    const Eigen::Matrix3d& turn, const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
 
 /// The variables of a filter: their means, and the rows of the error vector that each has, one after the
 /// other from the pose on.
@@ -73,13 +75,13 @@ class Variables {
   auto mean(Handle handle) { return mean_.segment(rowOf(handle), sizeOf(handle)); }
   Eigen::Vector3d point(Handle handle) const { return mean_.segment<3>(rowOf(handle)); }
 
-  /// A point whose error was re-expressed: y <- M y.
+  /// Three rows whose error was re-expressed: y <- M y.
   struct Reexpressed {
     Eigen::Index row;
     Eigen::Matrix3d M;
   };
   /// Moves the variables of the first `rows` rows by their error; points as `chart` has it, where it is given
-  /// and defined.
+  /// and defined. What became of the errors of points and world vectors.
   std::vector<Reexpressed> retract(const Eigen::VectorXd& error, Eigen::Index rows, const PointChart& chart);
 
   /// Another world frame: all that is in it is at to_T_world of where it was.

@@ -47,7 +47,7 @@ class Recovery {
   void distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases);
 
   Options options_;
-  const MotionModel& motion_;
+  const MotionModel* motion_;
   DivergenceMonitor monitor_;
   double distance_ = 0.0, angle_ = 0.0; ///< since the last frame
   bool has_frame_ = false;

@@ -14,7 +14,7 @@ struct Landmark {
   FeatureId id = 0;
   Handle variable = 0;
   std::size_t observations = 1; ///< that corrected the state, the first one included
-  Stamp first_seen = 0;         ///< since when it is tracked without a break
+  Stamp first_seen = 0;
   Stamp last_seen = 0;          ///< in a frame that was used, or reactivated
   bool reactivated = false;     ///< from an earlier time, not in view yet
 };

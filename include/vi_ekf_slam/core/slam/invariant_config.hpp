@@ -4,6 +4,7 @@
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
+#include "vi_ekf_slam/core/observation/track_slip.hpp"
 #include "vi_ekf_slam/core/tracking/frame_update.hpp"
 
 namespace vi_ekf_slam {
@@ -12,6 +13,7 @@ namespace vi_ekf_slam {
 struct InvariantConfig {
   ConstantTwist::Options motion;
   StereoModel::Options stereo;
+  TrackSlip::Options slip;
   FrameUpdate::Options update;
   Recovery::Options recovery;
   LandmarkMap::Options map;

@@ -42,6 +42,8 @@ class InvariantEstimator : public Estimator {
   void handleStandstill(const StereoFrame& frame);
   std::vector<std::size_t> usableFeatures(const StereoFrame& frame, FrameReport& report);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
+  bool isOneBadFrame(const StereoFrame& frame, const Associations& seen) const;
+  void beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable, FrameReport& report);
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
@@ -58,6 +60,7 @@ class InvariantEstimator : public Estimator {
   std::shared_ptr<MotionModel> motion_; ///< shared with snapshots; has no state but its variables' handles
   std::optional<Handle> scale_;
   std::optional<StereoModel> model_;
+  TrackSlip slip_;
   Filter filter_;
   LandmarkMap map_;
   StandstillDetector standstill_;
@@ -69,6 +72,8 @@ class InvariantEstimator : public Estimator {
   MapUse map_use_ = MapUse::kNone;
   std::unordered_set<FeatureId> rejected_; ///< tracks in view that contradicted the static world
   std::optional<Stamp> stamp_, last_frame_;
+  std::optional<Stamp> last_used_; ///< frame that corrected the local map, or began it
+  Eigen::Vector3d last_position_ = Eigen::Vector3d::Zero(); ///< world, m, at the last frame
   Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
 };
 

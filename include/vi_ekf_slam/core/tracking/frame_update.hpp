@@ -34,7 +34,7 @@ struct FrameOutcome {
   /// used would not do: picking those that agree makes them look better than they are.
   double nis = 0.0;
   std::size_t nis_dof = 0;
-  double capped_nis = 0.0; ///< of all, what is implausible counted as just plausible: whatever was rejected
+  double capped_nis = 0.0; ///< of all, what is implausible counted as just plausible; 0 if skipped
 };
 
 /// Corrects the filter with one frame: consensus, plausibility of the whole, a second look at the rest.

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <optional>
+
+#include "vi_ekf_slam/core/map/landmark_map.hpp"
+
+namespace vi_ekf_slam {
+
+/// What all tracks do together that the static world does not: a front end's tracks lag and slide with the
+/// flow, so that the points they stand for move with the vehicle, by a fraction of the way and turning about
+/// it. A variable of the core, s = (fraction of the way along the body's axes, rad turned per m), zero in the
+/// mean and correlated over a length of the way (Ornstein-Uhlenbeck). Over d m every point x that is tracked
+/// moves by
+///
+///   d R s_p + d (R s_r) x (x - p),
+///
+/// which no measurement of the tracks can tell from a motion of the body.
+class TrackSlip {
+ public:
+  /// Standard deviations; both 0: tracks do not slip.
+  struct Options {
+    double sigma = 0.02;            ///< of the way, along it (1)
+    double rotation_sigma = 0.0001; ///< rad/m
+    double length_m = 20.0;         ///< over which it stays the same
+  };
+
+  explicit TrackSlip(const Options& options) : options_(options) {}
+
+  /// Adds its variable to a filter's core.
+  void addTo(Filter& filter);
+  /// The body has moved by `distance_m` since the last frame: in the core. Before the filter is settled.
+  void propagate(Filter& filter, double distance_m) const;
+  /// The landmarks that are in view have slipped over it.
+  void apply(Filter& filter, const LandmarkMap& map, double distance_m) const;
+
+ private:
+  Vector6d variances() const;
+
+  Options options_;
+  std::optional<Handle> variable_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,136 @@
+#include "vi_ekf_slam/core/filter/variables.hpp"
+
+#include <stdexcept>
+
+#include "states.hpp"
+
+namespace vi_ekf_slam::test {
+namespace {
+
+Eigen::VectorXd filled(Eigen::Index size, double value) { return Eigen::VectorXd::Constant(size, value); }
+
+TEST(VariablesTest, LieOneBehindTheOtherFromThePoseOn) {
+  Variables variables{SE3()};
+  const Handle a = variables.add(Chart::kVector, filled(4, 1.0)),
+               b = variables.add(Chart::kPoint, filled(3, 2.0));
+  EXPECT_EQ(variables.rowOf(0), 0);
+  EXPECT_EQ(variables.sizeOf(0), 6);
+  EXPECT_EQ(variables.rowOf(a), 6);
+  EXPECT_EQ(variables.rowOf(b), 10);
+  EXPECT_EQ(variables.rows(), 13);
+  EXPECT_EQ(variables.handles(), (std::vector<Handle>{0, a, b}));
+  EXPECT_EQ(variables.point(b), Eigen::Vector3d::Constant(2.0));
+  EXPECT_EQ(variables.chartOf(b), Chart::kPoint);
+}
+
+TEST(VariablesTest, ARemovedOnesPlaceIsTakenByTheLastOfItsSize) {
+  Variables variables{SE3()};
+  std::vector<Handle> points;
+  for (int i = 0; i < 4; ++i) points.push_back(variables.add(Chart::kPoint, filled(3, i)));
+  const Variables::Gone gone = variables.remove(points[1]);
+  EXPECT_EQ(gone.row, 9);
+  EXPECT_EQ(gone.size, 3);
+  EXPECT_EQ(gone.from, 15);
+  EXPECT_FALSE(gone.shifts);
+  EXPECT_FALSE(variables.contains(points[1]));
+  EXPECT_EQ(variables.rowOf(points[3]), 9);
+  EXPECT_EQ(variables.rowOf(points[2]), 12);
+  EXPECT_EQ(variables.handles(), (std::vector<Handle>{0, points[0], points[3], points[2]}));
+  for (const int i : {0, 2, 3})
+    EXPECT_EQ(variables.point(points[static_cast<std::size_t>(i)]), Eigen::Vector3d::Constant(i));
+  // Of the same matrix the same rows.
+  Eigen::VectorXd rows = Eigen::VectorXd::LinSpaced(18, 0.0, 17.0);
+  eraseRows(rows, gone, 18);
+  EXPECT_EQ(rows.segment<3>(9), Eigen::Vector3d(15.0, 16.0, 17.0));
+}
+
+TEST(VariablesTest, WhereTheLastIsOfAnotherSizeAllBehindMoveUp) {
+  Variables variables{SE3()};
+  const Handle a = variables.add(Chart::kVector, filled(2, 1.0)),
+               b = variables.add(Chart::kPoint, filled(3, 2.0));
+  const Handle c = variables.add(Chart::kVector, filled(1, 3.0));
+  const Variables::Gone gone = variables.remove(a);
+  EXPECT_TRUE(gone.shifts);
+  EXPECT_EQ(variables.rowOf(b), 6);
+  EXPECT_EQ(variables.rowOf(c), 9);
+  EXPECT_EQ(variables.rows(), 10);
+  EXPECT_EQ(variables.handles(), (std::vector<Handle>{0, b, c}));
+  EXPECT_EQ(variables.point(b), Eigen::Vector3d::Constant(2.0));
+  EXPECT_EQ(variables.mean(c)[0], 3.0);
+  Eigen::VectorXd rows = Eigen::VectorXd::LinSpaced(12, 0.0, 11.0);
+  eraseRows(rows, gone, 12);
+  EXPECT_EQ(rows.segment<4>(6), Eigen::Vector4d(8.0, 9.0, 10.0, 11.0));
+}
+
+TEST(VariablesTest, AHandleIsReusedOnceItIsReleasedAndNotBefore) {
+  Variables variables{SE3()};
+  const Handle a = variables.add(Chart::kPoint, filled(3, 1.0)),
+               b = variables.add(Chart::kPoint, filled(3, 2.0));
+  variables.remove(a, Variables::Fate::kKeepsHandle);
+  const Handle c = variables.add(Chart::kPoint, filled(3, 3.0));
+  EXPECT_NE(c, a);
+  EXPECT_EQ(variables.chartOf(a), Chart::kPoint);
+  variables.restore(a, filled(3, 4.0));
+  EXPECT_EQ(variables.handles(), (std::vector<Handle>{0, b, c, a}));
+  EXPECT_EQ(variables.point(a), Eigen::Vector3d::Constant(4.0));
+  variables.remove(b);
+  EXPECT_EQ(variables.add(Chart::kVector, filled(2, 5.0)), b);
+  EXPECT_EQ(variables.point(c), Eigen::Vector3d::Constant(3.0));
+  EXPECT_EQ(variables.point(a), Eigen::Vector3d::Constant(4.0));
+}
+
+TEST(VariablesTest, RefusesWhatFitsNoChart) {
+  Variables variables{SE3()};
+  EXPECT_THROW(variables.add(Chart::kPoint, filled(2, 0.0)), std::logic_error);
+  EXPECT_THROW(variables.add(Chart::kWorldVector, filled(4, 0.0)), std::logic_error);
+  EXPECT_THROW(variables.add(Chart::kVector, filled(0, 0.0)), std::logic_error);
+  EXPECT_THROW(variables.add(Chart::kPose, filled(6, 0.0)), std::logic_error);
+  EXPECT_THROW(variables.remove(0), std::logic_error);
+  const Handle a = variables.add(Chart::kVector, filled(2, 0.0));
+  variables.remove(a);
+  EXPECT_THROW(variables.remove(a), std::logic_error);
+}
+
+TEST(VariablesTest, MoveByTheirErrorsAsTheseAreDefinedAndNoFurtherThanTold) {
+  Random random(1);
+  Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
+  variables.add(Chart::kVector, random.vector<6>(-1.0, 1.0));
+  variables.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
+  const Eigen::Index core = variables.rows();
+  const Handle point = variables.add(Chart::kPoint, random.vector<3>(-20.0, 20.0));
+  const auto state = [](const Variables& v) {
+    State s{v.pose(), Eigen::VectorXd::Zero(v.rows())};
+    for (const Handle h : v.handles())
+      if (v.chartOf(h) != Chart::kPose) s.x.segment(v.rowOf(h), v.sizeOf(h)) = v.mean(h);
+    return s;
+  };
+  const State before = state(variables);
+  const Eigen::VectorXd error = 0.5 * randomMatrix(random, variables.rows(), 1);
+  Variables some = variables, all = variables;
+  all.retract(error, all.rows(), {});
+  const State after = truthAt(variables, before, error);
+  EXPECT_LT(distance(all.pose().matrix(), after.pose.matrix()), 1e-12);
+  EXPECT_LT(distance(state(all).x, after.x), 1e-12);
+  EXPECT_LT(distance(errorOf(variables, state(all), before), error), 1e-12);
+  some.retract(error, core, {});
+  EXPECT_EQ(some.point(point), variables.point(point));
+  EXPECT_LT(distance(state(some).x.head(core), after.x.head(core)), 1e-12);
+}
+
+TEST(VariablesTest, MoveWithAWorldThatIsGivenAnotherFrame) {
+  Random random(2);
+  Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
+  const Handle point = variables.add(Chart::kPoint, random.vector<3>(-20.0, 20.0));
+  const Handle velocity = variables.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
+  const Handle bias = variables.add(Chart::kVector, random.vector<3>(-5.0, 5.0));
+  const Variables before = variables;
+  const SE3 T = SE3::Exp((Vector6d() << 30.0, -20.0, 5.0, 0.4, -0.3, 1.9).finished());
+  variables.moveWorld(T);
+  EXPECT_LT(distance(variables.pose().matrix(), (T * before.pose()).matrix()), 1e-12);
+  EXPECT_LT(distance(variables.point(point), T * before.point(point)), 1e-12);
+  EXPECT_LT(distance(variables.mean(velocity), T.rotation() * before.mean(velocity)), 1e-12);
+  EXPECT_EQ(distance(variables.mean(bias), before.mean(bias)), 0.0);
+}
+
+} // namespace
+} // namespace vi_ekf_slam::test
