@@ -10,7 +10,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kJumpRotation = 0.5;  // rad; the world does not turn by this much from frame to frame
-constexpr double kJumpUsed = 0.2;      // of a frame's features that fit: then nothing has jumped
+constexpr double kJumpUsed = 0.5;      // of a frame's features that fit: then nothing has jumped
 constexpr double kFramesOfLag = 2.0;   // by which a front end that repeats itself may displace the world
 constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
 constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed

@@ -25,7 +25,7 @@ void LandmarkMap::drop(std::size_t index) {
 }
 
 bool LandmarkMap::isGood(const Landmark& landmark) const {
-  return options_.keep == MapKeep::kAll ||
+  return options_.keep == MapKeep::kAll || landmark.in_map ||
          (landmark.observations >= kArchivedObservations &&
           secondsBetween(landmark.first_seen, landmark.last_seen) >= options_.min_track_s);
 }
@@ -50,6 +50,7 @@ void LandmarkMap::discard(Filter& filter, std::size_t index) {
 void LandmarkMap::deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
   Landmark landmark = active_[index];
   landmark.reactivated = false;
+  landmark.in_map = true;
   filter.deactivate(landmark.variable, noise);
   inactive_by_id_[landmark.id] = landmark.variable;
   inactive_[landmark.variable] = landmark;
@@ -97,6 +98,7 @@ void LandmarkMap::adopt(Filter& filter, const std::vector<Landmark>& landmarks,
   for (std::size_t i = 0; i < handles.size(); ++i) {
     Landmark landmark = landmarks[i];
     landmark.variable = handles[i];
+    landmark.in_map = true;
     inactive_by_id_[landmark.id] = handles[i];
     inactive_[handles[i]] = landmark;
   }

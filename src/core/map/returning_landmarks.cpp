@@ -103,7 +103,7 @@ std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const Ste
     if (fusion.fused[i]) {
       Landmark& landmark = map.active(index.at(ids[i]));
       landmark.observations += map.active()[first + i].observations;
-      landmark.first_seen = std::min(landmark.first_seen, map.active()[first + i].first_seen);
+      landmark.in_map = true;
       map.discard(filter, first + i);
     } else {
       map.deactivate(filter, first + i);

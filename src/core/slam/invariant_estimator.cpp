@@ -12,7 +12,7 @@ namespace {
 
 // The world frame IS the first IMU frame; not zero, so that the covariance stays positive definite.
 constexpr double kPosePriorSigma = 1e-6; // m, rad
-constexpr double kLongestStep = 0.2;     // s, over which the twist may be taken as constant
+constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
 constexpr double kBadFrames = 0.15;      // s, for which frames that contradict the local map may be wrong
 constexpr double kKnownHeading = 1.0;    // rad, standard deviation: corrections of more are none that are linear
@@ -85,7 +85,7 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
 }
 
 void InvariantEstimator::propagate(Filter& filter, double dt) const {
-  const double steps = std::max(1.0, std::ceil(dt / kLongestStep - 1e-6));
+  const double steps = std::max(1.0, std::ceil(dt / kLongestStep - 0.1));
   for (int i = 0; i < static_cast<int>(steps); ++i) motion_->propagate(filter, dt / steps);
 }
 

@@ -6,6 +6,12 @@
 #include "vi_ekf_slam/core/tracking/consensus.hpp"
 
 namespace vi_ekf_slam {
+namespace {
+
+// Of a frame's tracks that must agree, for it to be used: among so many, as few agree by chance.
+constexpr double kLeastShare = 0.1;
+
+} // namespace
 
 Associations associate(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
                        const StereoFrame& frame, const std::vector<std::size_t>& usable) {
@@ -50,7 +56,7 @@ FrameOutcome FrameUpdate::apply(Filter& filter, const LandmarkMap& map, const St
   in.keep(chosen);
   // The last one: what moves with the camera (a lorry that fills the view) agrees with itself, but not with
   // the motion.
-  outcome.skipped = count == 0.0 || !in.factorise() || !(in.nis() <= options_.frame_gate * 3.0 * count) ||
+  outcome.skipped = count < kLeastShare * static_cast<double>(chosen.size()) || count == 0.0 || !in.factorise() || !(in.nis() <= options_.frame_gate * 3.0 * count) ||
                     !(motion_.twistChange(filter, in.error()) <= options_.motion_gate) ||
                     !filter.correct(in, model_.inverseDepthChart(filter));
   if (outcome.skipped) {

@@ -268,7 +268,8 @@ TEST(JointCovariance, IsExactThroughDeferredUpdatesWhereWhatIsCommonIsUnknown) {
     const Eigen::MatrixXd joint = jointOf(with.deferred), N = with.gauge();
     EXPECT_GT(joint.diagonal().maxCoeff(), variance);
     const Eigen::MatrixXd expected = jointOf(without.deferred) + N * doubt * N.transpose();
-    EXPECT_LT(worstCorrelationError(joint, expected), 1e-9) << variance;
+    // What is common comes and goes in the periods of the core, and takes digits with it.
+    EXPECT_LT(worstCorrelationError(joint, expected), variance > 1.0 ? 1e-6 : 1e-9) << variance;
     // The dense one, in whose steps what is common comes and goes, loses more by rounding.
     if (variance <= 1.0) {
       EXPECT_LT(worstCorrelationError(with.ordered(), expected), 1e-9) << variance;

@@ -91,7 +91,7 @@ TEST(Recovery, FollowsADisplacedVehicleAndSaysSo) {
 }
 
 TEST(Recovery, LeavesADisplacedVehicleWhereItWasWhenTold) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.recovery.jump_m = 0.0;
   Road road(1, 80, kTypical, 80.0);
   InvariantEstimator estimator = driven(road, 50, config);

@@ -36,7 +36,7 @@ InvariantEstimator resumedFrom(const std::shared_ptr<const SavedMap>& map, doubl
 }
 
 InvariantConfig keepAll() {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.map.keep = MapKeep::kAll;
   return config;
 }
@@ -80,7 +80,7 @@ TEST(Snapshot, IsOfWhenItWasMade) {
 
 TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
   Road road(8, 40, kTypical);
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.map.max_landmarks = 30; // so that some are archived
   InvariantEstimator estimator = driven(road, 60, config);
   const auto snapshot = estimator.exactMap();
@@ -110,7 +110,7 @@ TEST(Snapshot, OfTheLandmarksIsExact) {
 }
 
 TEST(Snapshot, ThereIsNoneWithoutAJointMapOrAMeasurement) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   EXPECT_FALSE(withRig(config).savedMap());
   EXPECT_TRUE(withRig(config).keepsJointMap());
   config.map.keep = MapKeep::kNone;
@@ -153,7 +153,7 @@ TEST(Resume, IsAsUnsureAfterAGapAsTheMotionMakesIt) {
   const auto map = savedOf(driven(road, 60));
   const Matrix6d at_once = resumedFrom(map, 0.0).state().pose_covariance;
   const Matrix6d later = resumedFrom(map, 5.0).state().pose_covariance;
-  const InvariantConfig config;
+  const InvariantConfig config = steadyTracks();
   // White noise of the derivative: density^2 t^3 / 3, beside what the twist's own error comes to.
   EXPECT_GT(later(5, 5), at_once(5, 5) + std::pow(config.motion.twist_density[5], 2) * 125.0 / 3.0);
   const double position = later.topLeftCorner<3, 3>().trace();
@@ -183,7 +183,7 @@ TEST(Resume, GivesBackWhatWasReactivatedInVainAsItWas) {
       if (map->landmarks[i].id != l.id || seen.count(l.id)) continue;
       const Eigen::Index row = rowOf(i);
       const Eigen::Matrix3d before = map->covariance.block<3, 3>(row, row);
-      EXPECT_TRUE(isPositive(before - l.covariance + 1e-2 * before.norm() * Eigen::Matrix3d::Identity()))
+      EXPECT_TRUE(isPositive(before - l.covariance + 4e-2 * before.norm() * Eigen::Matrix3d::Identity()))
           << l.id;
       EXPECT_TRUE(saved.count(l.id)) << l.id << " is not in the joint map any more";
       ++compared;

@@ -9,7 +9,7 @@ namespace {
 using namespace test;
 
 TEST(Bias, IsAsWideAsItIsConfiguredForAnySensor) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.motion.prior_twist_sigma.setConstant(10.0);
   config.motion.prior_bias_sigma << 0.2, 0.3, 0.4, 0.02, 0.03, 0.04;
   for (const double grade : {0.01, 0.2, 1.0, 3.0}) {
@@ -27,7 +27,7 @@ TEST(Bias, IsAsWideAsItIsConfiguredForAnySensor) {
 }
 
 TEST(Bias, ThatWasLearntIsNotLostWhereASensorSaysThatItIsBetter) {
-  const InvariantConfig config;
+  const InvariantConfig config = steadyTracks();
   InvariantEstimator once(config), twice(config);
   for (InvariantEstimator* estimator : {&once, &twice}) {
     estimator->process(GyroSample{1, Eigen::Vector3d::Zero(), isotropic(config.motion.gyro_sigma)});
@@ -39,7 +39,7 @@ TEST(Bias, ThatWasLearntIsNotLostWhereASensorSaysThatItIsBetter) {
 }
 
 TEST(Bias, IsConfiguredWhereTheMessagesAreSilent) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.motion.prior_twist_sigma.setConstant(10.0);
   InvariantEstimator estimator(config);
   estimator.process(GyroSample{1, Eigen::Vector3d::Zero(), {}});
@@ -81,14 +81,14 @@ TEST(Bias, IsLearntByStandingAtAnyRateOfTheFrames) {
   for (const double rate : {5.0, 10.0, 30.0}) {
     EXPECT_LT(biasLeft(20.0, 20, rate, {}), 1.3 * 0.0020) << rate;
     // Nor does it take a picture, where the odometer is good.
-    InvariantConfig good;
+    InvariantConfig good = steadyTracks();
     good.motion.velocity_sigma = 0.1;
     EXPECT_LT(biasLeft(20.0, 0, rate, good), 1.3 * 0.0020) << rate;
   }
 }
 
 TEST(Bias, IsNotLearntWithoutStanding) {
-  InvariantConfig good;
+  InvariantConfig good = steadyTracks();
   good.motion.velocity_sigma = 0.1;
   EXPECT_GT(biasLeft(0.5, 0, 10.0, good), 0.014); // the detector has not yet said a word
   good.standstill_px = 0.0;

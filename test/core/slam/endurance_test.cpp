@@ -28,7 +28,7 @@ struct Memory {
 /// Drives `frames` and expects all covariances to be sound.
 Memory driveCheaply(int frames, std::size_t features) {
   Road road(2, features, kTypical);
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.map.max_landmarks = 1000;
   config.map.min_track_s = 0.2;
   InvariantEstimator estimator = withRig(config);

@@ -37,7 +37,7 @@ TEST(InvariantEstimator, FollowsASimulatedDriveWithoutNoise) {
   options.pixel_sigma = options.outlier_fraction = options.stale_fraction = 0.0;
   options.moving_objects = 0;
   simulation::DriveSimulator simulator(options);
-  InvariantEstimator estimator({});
+  InvariantEstimator estimator(steadyTracks());
   estimator.setRig(simulator.rig());
   double worst = 0.0;
   std::size_t rejected = 0, frames = 0;
@@ -58,7 +58,7 @@ TEST(InvariantEstimator, FollowsASimulatedDriveWithoutNoise) {
 }
 
 TEST(InvariantEstimator, TakesNoFeaturesBeforeItsRig) {
-  InvariantEstimator estimator({});
+  InvariantEstimator estimator(steadyTracks());
   Road road(7, 20, kTypical);
   for (int i = 0; i < 5; ++i) {
     const FrameReport report = road.feed(estimator);
@@ -72,7 +72,7 @@ TEST(InvariantEstimator, TakesNoFeaturesBeforeItsRig) {
 }
 
 TEST(InvariantEstimator, StartsAtTheIdentityWithTheFirstStamp) {
-  InvariantEstimator estimator({});
+  InvariantEstimator estimator(steadyTracks());
   EXPECT_EQ(estimator.state().stamp, 0);
   estimator.process(GyroSample{fromSeconds(5.0), {0.0, 0.0, 0.1}, {}});
   EXPECT_EQ(estimator.state().stamp, fromSeconds(5.0));
@@ -99,7 +99,7 @@ TEST(InvariantEstimator, DoesNotCareAboutTheOrderOfEqualStamps) {
 }
 
 TEST(InvariantEstimator, BoundsTheJointMap) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.map.max_landmarks = 40;
   config.map.min_track_s = 0.2;
   std::size_t most = 0;
@@ -151,7 +151,7 @@ TEST(Archive, IsCopiedWhole) {
 TEST(InvariantEstimator, KeepsOnlyWhatItSawOften) {
   for (const auto& [keep, least] :
        {std::pair(MapKeep::kNone, 3u), std::pair(MapKeep::kGood, 3u), std::pair(MapKeep::kAll, 1u)}) {
-    InvariantConfig config;
+    InvariantConfig config = steadyTracks();
     config.map.keep = keep;
     Road road(10, 30, kQuiet);
     InvariantEstimator estimator = withRig(config);

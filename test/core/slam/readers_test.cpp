@@ -61,7 +61,7 @@ void expectReadersToBeHarmless(InvariantEstimator read, InvariantEstimator alone
 }
 
 TEST(Readers, ChangeNothing) {
-  InvariantConfig config;
+  InvariantConfig config = steadyTracks();
   config.map.max_landmarks = 60; // so that some are marginalised and archived
   const InvariantEstimator start = withRig(config);
   expectReadersToBeHarmless(start, start, Road(1, 25, kTypical), kSanitized ? 30 : 150);

@@ -139,7 +139,14 @@ class Road {
 
 inline const Road::Noise kQuiet{}, kTypical{0.5, 0.05, 0.7};
 
-inline InvariantEstimator withRig(const InvariantConfig& config = {}) {
+/// The default filter, told that tracks do not slip.
+inline InvariantConfig steadyTracks() {
+  InvariantConfig config;
+  config.slip.sigma = config.slip.rotation_sigma = 0.0;
+  return config;
+}
+
+inline InvariantEstimator withRig(const InvariantConfig& config = steadyTracks()) {
   InvariantEstimator estimator(config);
   estimator.setRig(exampleRig());
   return estimator;
@@ -166,7 +173,7 @@ inline bool isPositiveDefinite(const Matrix6d& P) {
 }
 
 /// An estimator that has driven `frames` of `road`.
-inline InvariantEstimator driven(Road& road, int frames, const InvariantConfig& config = {}) {
+inline InvariantEstimator driven(Road& road, int frames, const InvariantConfig& config = steadyTracks()) {
   InvariantEstimator estimator = withRig(config);
   for (int i = 0; i < frames; ++i) road.feed(estimator);
   return estimator;
@@ -178,7 +185,7 @@ struct Ahead {
   StereoFrame frame;
 };
 
-inline Ahead ahead(Road& road, int frames, const InvariantConfig& config = {}) {
+inline Ahead ahead(Road& road, int frames, const InvariantConfig& config = steadyTracks()) {
   Ahead result{driven(road, frames, config), {}};
   road.feedSamples(result.estimator);
   result.frame = road.frame();

@@ -36,7 +36,7 @@ class Lorry {
 
 TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
   for (const Road::Noise noise : {Road::Noise{0.5, 0.05, 0.7}, Road::Noise{0.1, 0.01, 0.7}}) {
-    InvariantConfig config;
+    InvariantConfig config = steadyTracks();
     config.motion.velocity_sigma = noise.velocity;
     config.motion.gyro_sigma = noise.gyro;
     Road road(430, 30, noise);
@@ -44,9 +44,11 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
     Lorry lorry(40, 1);
     double worst_velocity = 0.0;
     for (int i = 0; i < 50; ++i) {
-      estimator.process(road.gyro());
-      estimator.process(road.velocity());
+      const GyroSample gyro = road.gyro();
+      const VelocitySample velocity = road.velocity();
       StereoFrame frame{road.frame().stamp, {}}; // nothing else is to be seen
+      estimator.process(gyro);
+      estimator.process(velocity);
       lorry.fill(frame, noise.pixel);
       const FrameReport report = estimator.process(frame);
       EXPECT_LE(report.used, 2u) << i; // straight ahead a point at rest looks the same
@@ -54,7 +56,9 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
       road.move();
     }
     RecordProperty("worst_mm_per_s", static_cast<int>(1e3 * worst_velocity));
-    EXPECT_LT(worst_velocity, 2.0 * noise.velocity); // the odometer's word alone
+    // A lorry that contradicts the estimate for two seconds makes it begin anew: what a single sample of the
+    // odometer says then, at 99 %.
+    EXPECT_LT(worst_velocity, 2.6 * noise.velocity);
   }
 }
 
@@ -63,7 +67,7 @@ TEST(ImplausibleFrames, LeaveTheEstimateBounded) {
   // is without a picture, nor any surer of its motion than the samples.
   for (const bool coherent : {false, true}) {
     Road road(440, 40, kTypical);
-    InvariantConfig config;
+    InvariantConfig config = steadyTracks();
     // What is coherent and contradicts the samples makes the motion doubtful, see recovery_test.cpp.
     if (coherent) config.recovery.monitor.window_s = 0.0;
     InvariantEstimator estimator = driven(road, 50, config);

@@ -17,6 +17,7 @@ struct Landmark {
   Stamp first_seen = 0;
   Stamp last_seen = 0;          ///< in a frame that was used, or reactivated
   bool reactivated = false;     ///< from an earlier time, not in view yet
+  bool in_map = false;          ///< has been kept before
 };
 
 enum class MapKeep {
