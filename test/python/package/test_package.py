@@ -28,7 +28,7 @@ def test_catkin_lint_is_clean(tmp_path):
 
 @pytest.mark.parametrize("name, struct, section", [
     ("default", "include/vi_ekf_slam/ros/ros_config.hpp", "ros"),
-    ("default", "include/vi_ekf_slam/core/measurement_buffer.hpp", "buffer")])
+    ("default", "include/vi_ekf_slam/core/sensors/measurement_buffer.hpp", "buffer")])
 def test_the_default_configuration_states_the_defaults(name, struct, section):
     """Every member of the structure is in the file, with the value that the structure gives it."""
     written = yaml.safe_load(read("config", name + ".yaml"))[section]
