@@ -22,7 +22,9 @@ std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction) {
   options.stale_fraction = stale_fraction;
   options.strength_spread = 3.0;
   Config config;
-  config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0; // its tracks do not slip
+  // The truth about its tracks: they do not slip, and their noise is white.
+  config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
+  config.invariant.stereo.pixel_sigma = options.pixel_sigma;
   config.invariant.map.keep = keep;
   return runSeeds(config, options, 1, kSeeds, 1);
 }

@@ -45,10 +45,13 @@ def mean_nees(check_points):
 
 
 def told_the_truth(folder, **changes):
-    """The default configuration, told that simulated tracks do not slip, and `changes` of its section invariant."""
+    """The default configuration, told that simulated tracks do not slip and that all axes turn alike (which only --motion
+    process has), with `changes` of its section invariant."""
     with open(CONFIG, encoding="utf-8") as stream:
         parameters = yaml.safe_load(stream)
-    parameters["invariant"].update(slip_sigma=0.0, slip_rotation_sigma=0.0, **changes)
+    density = parameters["invariant"]["twist_density"]
+    parameters["invariant"].update(slip_sigma=0.0, slip_rotation_sigma=0.0, twist_density=density[:3] + 3 * density[3:4],
+                                   **changes)
     path = folder / "told.yaml"
     path.write_text(yaml.safe_dump(parameters))
     return path
@@ -57,7 +60,8 @@ def told_the_truth(folder, **changes):
 @pytest.fixture(scope="module")
 def process(tmp_path_factory):
     folder = tmp_path_factory.mktemp("process")
-    return study(told_the_truth(folder), folder, "--motion", "process", "--set", "duration=40")
+    return study(told_the_truth(folder, pixel_sigma=0.7), folder, "--motion", "process", "--set", "duration=40",
+                 "--set", "pixel-sigma=0.7")
 
 
 @pytest.fixture(scope="module")
