@@ -35,6 +35,11 @@ class SavedMap(NodeRunner):
             listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
             self.addCleanup(listener.unregister)
 
+    def start_node(self, **parameters):
+        """Told that the tracks of this drive do not slip."""
+        parameters.setdefault("invariant", {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0})
+        return super().start_node(**parameters)
+
     def answered(self, stamp):
         """Waits for the odometry of this stamp (s); less than the buffer holds back at the end of a drive."""
         self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
