@@ -31,11 +31,4 @@ void subtractSquare(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Ref<const Eigen:
   }
 }
 
-void mirrorBlocks(Eigen::Ref<Eigen::MatrixXd> matrix) {
-  for (Eigen::Index row = 0; row < matrix.rows(); row += 3) {
-    auto block = matrix.block<3, 3>(row, row);
-    block = Eigen::Matrix3d(block.selfadjointView<Eigen::Lower>());
-  }
-}
-
 } // namespace vi_ekf_slam

@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
-#include <unordered_set>
 #include <utility>
 
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
@@ -15,7 +14,6 @@ constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be wor
 SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, const MotionModel& motion, Stamp stamp) {
   filter.settle();
   // Landmarks in view are saved as if they left now.
-  std::unordered_set<FeatureId> ids;
   for (std::size_t i = landmarks.active().size(); i-- > 0;) {
     const Landmark& l = landmarks.active()[i];
     // Of one that is seen again but not yet fused, the map's estimate is the one that stays.
@@ -24,10 +22,8 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, const MotionModel& mot
     else
       landmarks.discard(filter, i);
   }
-  if (filter.inactive().size() > kMaxSavedLandmarks) {
-    for (const Handle gone : filter.marginaliseOldest(filter.inactive().size() - kMaxSavedLandmarks))
-      ids.insert(landmarks.inactive(gone).id);
-  }
+  if (filter.inactive().size() > kMaxSavedLandmarks)
+    filter.marginaliseOldest(filter.inactive().size() - kMaxSavedLandmarks);
   filter.settleInactive();
   const InactiveStore& inactive = filter.inactive();
   const Eigen::Index rows = inactive.isEmpty() ? 0 : inactive.rows();
