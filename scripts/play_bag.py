@@ -19,7 +19,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 
 MEASUREMENTS = ("imu", "velocity", "features")
-INPUTS = MEASUREMENTS + ("left/camera_info", "right/camera_info", "/tf", "/tf_static")
+INPUTS = MEASUREMENTS + ("twist_bias", "left/camera_info", "right/camera_info", "/tf", "/tf_static")
 # What the node itself sends, and what belongs to the recording session, is not played again.
 NOT_PLAYED = ("odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud", "/clock", "/diagnostics",
               "/diagnostics_agg", "/rosout", "/rosout_agg")

@@ -1,9 +1,9 @@
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 #include <Eigen/Geometry>
-#include <unordered_set>
 #include <algorithm>
-
+#include <cmath>
+#include <unordered_set>
 
 namespace vi_ekf_slam::conversions {
 namespace {
@@ -87,6 +87,20 @@ Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceSta
                               covarianceBlock(message.twist.covariance, 6)};
   if (!isFinite(sample.linear_velocity, sample.covariance)) return {{}, Rejection::kNotFinite};
   return {sample, Rejection::kNone};
+}
+
+Converted<TwistBias> toTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message,
+                                 const std::string& imu_frame) {
+  if (const auto bad = checkHeader(message.header, imu_frame); bad != Rejection::kNone) return {{}, bad};
+  TwistBias bias;
+  bias.mean << toEigen(message.twist.twist.linear), toEigen(message.twist.twist.angular);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const double variance = message.twist.covariance[7 * i];
+    if (!(variance > 0.0)) return {{}, Rejection::kNoData};
+    bias.sigma[static_cast<Eigen::Index>(i)] = std::sqrt(variance);
+  }
+  if (!bias.mean.allFinite() || !bias.sigma.allFinite()) return {{}, Rejection::kNotFinite};
+  return {bias, Rejection::kNone};
 }
 
 ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& left_frame) {

@@ -53,6 +53,12 @@ void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
   system_.add(std::move(*converted.sample));
 }
 
+void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message) {
+  const auto converted = conversions::toTwistBias(message, imu_frame_);
+  if (!converted.sample) return turnAway("twist_bias", converted.rejection);
+  system_.setBiasPrior(*converted.sample);
+}
+
 void Intake::add(const StereoFeatureArray& message) {
   ++received_;
   auto converted = conversions::toFrame(message, rig_.leftFrame());

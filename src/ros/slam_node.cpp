@@ -90,6 +90,8 @@ void SlamNode::subscribe() {
       "/tf", [this](const TFMessage& m) { intake_.addTransforms(m, false); }, {}, &transforms_wanted_);
   listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
   listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
+  listen<geometry_msgs::TwistWithCovarianceStamped>(names.twist_bias,
+                                                    [this](const auto& m) { intake_.addTwistBias(m); }, {});
   listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
   listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);

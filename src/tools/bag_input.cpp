@@ -18,6 +18,7 @@ const char* typeOf() {
 std::map<std::string, std::string> expectedTypes(const InputTopics& t) {
   return {{t.imu, typeOf<sensor_msgs::Imu>()},
           {t.velocity, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
+          {t.twist_bias, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
           {t.features, typeOf<StereoFeatureArray>()},
           {t.left_info, typeOf<sensor_msgs::CameraInfo>()},
           {t.right_info, typeOf<sensor_msgs::CameraInfo>()},
@@ -88,6 +89,11 @@ BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
   if (topic == topics_.velocity) {
     return [=](const auto& m, Intake& in) {
       instantiate<geometry_msgs::TwistWithCovarianceStamped>(m, [&](const auto& x) { measurement(x, in); });
+    };
+  }
+  if (topic == topics_.twist_bias) {
+    return [](const auto& m, Intake& in) {
+      instantiate<geometry_msgs::TwistWithCovarianceStamped>(m, [&](const auto& x) { in.addTwistBias(x); });
     };
   }
   if (topic == topics_.features) {

@@ -103,6 +103,27 @@ TEST(ToVelocity, says_why_it_turns_a_message_away) {
   EXPECT_EQ(Rejection::kNotFinite, toVelocity(m, "imu_link").rejection);
 }
 
+TEST(ToTwistBias, takes_mean_and_diagonal) {
+  auto m = velocity();
+  m.twist.twist.angular.z = 0.25;
+  for (std::size_t i = 0; i < 6; ++i) m.twist.covariance[7 * i] = 0.25;
+  m.twist.covariance[1] = m.twist.covariance[6] = 0.1; // does not count
+  const auto c = toTwistBias(m, "imu_link");
+  ASSERT_TRUE(c.sample);
+  EXPECT_EQ((Vector6d() << 1.0, 0.0, -2.0, 0.0, 0.0, 0.25).finished(), c.sample->mean);
+  EXPECT_EQ(Vector6d::Constant(0.5), c.sample->sigma);
+}
+
+TEST(ToTwistBias, says_why_it_turns_a_message_away) {
+  auto m = velocity();
+  EXPECT_EQ(Rejection::kNoData,
+            toTwistBias(m, "imu_link").rejection); // nothing is known with a variance of 0
+  for (std::size_t i = 0; i < 6; ++i) m.twist.covariance[7 * i] = 1.0;
+  EXPECT_EQ(Rejection::kWrongFrame, toTwistBias(m, "base_link").rejection);
+  m.twist.covariance[35] = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(Rejection::kNotFinite, toTwistBias(m, "imu_link").rejection);
+}
+
 TEST(ToFrame, keeps_pixels_in_the_order_left_right) {
   const auto c = toFrame(features(), "left");
   ASSERT_TRUE(c.sample);

@@ -56,6 +56,11 @@ Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string&
 Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message,
                                      const std::string& imu_frame);
 
+/// What is known of the biases: the twist is their mean, in the IMU frame; of the covariance the diagonal
+/// counts.
+Converted<TwistBias> toTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message,
+                                 const std::string& imu_frame);
+
 /// `left_frame` is the left optical frame; empty: not known yet, so any is taken. Of features with the same
 /// id the first is kept. Pixels that are not finite are left to the estimator, which counts features one by
 /// one.

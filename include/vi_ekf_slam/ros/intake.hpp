@@ -16,6 +16,7 @@ namespace vi_ekf_slam {
 struct InputTopics {
   std::string imu = "imu";
   std::string velocity = "velocity";
+  std::string twist_bias = "twist_bias";
   std::string features = "features";
   std::string left_info = "left/camera_info";
   std::string right_info = "right/camera_info";
@@ -31,6 +32,8 @@ class Intake {
   void add(const sensor_msgs::Imu& message);
   void add(const geometry_msgs::TwistWithCovarianceStamped& message);
   void add(const StereoFeatureArray& message);
+  /// What is known of the biases of imu and velocity beforehand; best before the first of them.
+  void addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message);
   void addLeftInfo(const sensor_msgs::CameraInfo& message);
   void addRightInfo(const sensor_msgs::CameraInfo& message);
   void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);

@@ -14,8 +14,14 @@ Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d
 void ConstantTwist::addTo(Filter& filter) {
   twist_ = filter.augment(Chart::kVector, Vector6d::Zero(),
                           options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
-  bias_ = filter.augment(Chart::kVector, Vector6d::Zero(),
+  bias_ = filter.augment(Chart::kVector, prior_bias_,
                          options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+}
+
+void ConstantTwist::setBiasPrior(Filter& filter, const TwistBias& bias) {
+  prior_bias_ = bias.mean;
+  options_.prior_bias_sigma = bias.sigma;
+  resetBiases(filter);
 }
 
 /// T' = T Exp(dt nu). The right-invariant error about the body's old position gains B dnu with
@@ -46,13 +52,11 @@ void ConstantTwist::propagate(Filter& filter, double dt) const {
 }
 
 void ConstantTwist::process(Filter& filter, const GyroSample& sample) const {
-  filter.correct(measureTwist(filter, twist_, bias_, 3, sample.angular_velocity,
-                              noiseOf(sample)));
+  filter.correct(measureTwist(filter, twist_, bias_, 3, sample.angular_velocity, noiseOf(sample)));
 }
 
 void ConstantTwist::process(Filter& filter, const VelocitySample& sample) const {
-  filter.correct(measureTwist(filter, twist_, bias_, 0, sample.linear_velocity,
-                              noiseOf(sample)));
+  filter.correct(measureTwist(filter, twist_, bias_, 0, sample.linear_velocity, noiseOf(sample)));
 }
 
 Eigen::Matrix3d ConstantTwist::noiseOf(const GyroSample& sample) const {
@@ -69,7 +73,12 @@ void ConstantTwist::processStandstill(Filter& filter, double dt) const {
 
 void ConstantTwist::reset(Filter& filter, bool biases) const {
   filter.reset(twist_, options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
-  if (biases) filter.reset(bias_, options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+  if (biases) resetBiases(filter);
+}
+
+void ConstantTwist::resetBiases(Filter& filter) const {
+  filter.setMean(bias_, prior_bias_);
+  filter.reset(bias_, options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
 }
 
 Eigen::Vector3d ConstantTwist::gyroBias(const Filter& filter) const {

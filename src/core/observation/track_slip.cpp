@@ -6,17 +6,17 @@
 
 namespace vi_ekf_slam {
 
-Vector6d TrackSlip::variances() const {
-  Vector6d sigma = Vector6d::Zero();
-  sigma[0] = options_.sigma; // tracks lag along the way
-  sigma.tail<3>().setConstant(options_.rotation_sigma);
+Eigen::Vector4d TrackSlip::variances() const {
+  Eigen::Vector4d sigma;
+  sigma << options_.sigma, Eigen::Vector3d::Constant(options_.rotation_sigma);
   return sigma.cwiseAbs2();
 }
 
 void TrackSlip::addTo(Filter& filter) {
   variable_.reset();
   if (options_.sigma > 0.0 || options_.rotation_sigma > 0.0)
-    variable_ = filter.augment(Chart::kVector, Vector6d::Zero(), Matrix6d(variances().asDiagonal()));
+    variable_ =
+        filter.augment(Chart::kVector, Eigen::Vector4d::Zero(), Eigen::Matrix4d(variances().asDiagonal()));
 }
 
 void TrackSlip::propagate(Filter& filter, double distance_m) const {
@@ -26,22 +26,22 @@ void TrackSlip::propagate(Filter& filter, double distance_m) const {
   CoreStep step;
   step.pose = filter.pose();
   step.row = row;
-  step.F.setZero(6, c);
-  step.F.middleCols<6>(row).diagonal().setConstant(kept);
+  step.F.setZero(4, c);
+  step.F.middleCols<4>(row).diagonal().setConstant(kept);
   step.Q.setZero(c, c);
-  step.Q.block<6, 6>(row, row) = ((1.0 - kept * kept) * variances()).asDiagonal();
+  step.Q.block<4, 4>(row, row) = ((1.0 - kept * kept) * variances()).asDiagonal();
   step.means.emplace_back(*variable_, kept * filter.variables().mean(*variable_));
   filter.propagate(step);
 }
 
-void TrackSlip::apply(Filter& filter, const LandmarkMap& map, double distance_m) const {
-  if (!variable_ || !(distance_m > 0.0)) return;
-  const Eigen::Matrix3d R = distance_m * filter.pose().rotation();
-  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(filter.rows() - filter.coreRows(), 6);
+void TrackSlip::apply(Filter& filter, const LandmarkMap& map, const Eigen::Vector3d& displacement) const {
+  if (!variable_ || displacement.isZero()) return;
+  const Eigen::Matrix3d R = displacement.norm() * filter.pose().rotation();
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(filter.rows() - filter.coreRows(), 4);
   for (const Landmark& landmark : map.active()) {
     if (landmark.reactivated) continue; // not in view
-    const Eigen::Vector3d way = filter.variables().point(landmark.variable) - filter.pose().translation();
-    G.middleRows<3>(filter.rowOf(landmark.variable) - filter.coreRows()) << R, -so3::hat(way) * R;
+    const Eigen::Vector3d ray = filter.variables().point(landmark.variable) - filter.pose().translation();
+    G.middleRows<3>(filter.rowOf(landmark.variable) - filter.coreRows()) << displacement, -so3::hat(ray) * R;
   }
   filter.moveRest(*variable_, G);
 }

@@ -15,7 +15,7 @@ constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
 constexpr double kBadFrames = 0.15;      // s, for which frames that contradict the local map may be wrong
-constexpr double kKnownHeading = 1.0;    // rad, standard deviation: corrections of more are none that are linear
+constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return Vector6d::Constant(kPosePriorSigma * kPosePriorSigma).asDiagonal(); }
 
@@ -116,9 +116,9 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   report.stamp = frame.stamp;
   report.features = frame.features.size();
   handleStandstill(frame);
-  const double distance = (filter_.pose().translation() - last_position_).norm();
-  slip_.propagate(filter_, distance);
-  slip_.apply(filter_, map_, distance);
+  const Eigen::Vector3d displacement = filter_.pose().translation() - last_position_;
+  slip_.propagate(filter_, displacement.norm());
+  slip_.apply(filter_, map_, displacement);
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);
@@ -184,8 +184,8 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   } // a skipped frame leaves the local map as it is
 }
 
-/// One bad frame among good ones. When frames contradict the local map for longer, or the front end tracks other
-/// points than it has, that is not what is in view any more.
+/// One bad frame among good ones. When frames contradict the local map for longer, or the front end tracks
+/// other points than it has, that is not what is in view any more.
 bool InvariantEstimator::isOneBadFrame(const StereoFrame& frame, const Associations& seen) const {
   return seen.known.size() >= seen.unknown.size() && last_used_ && last_frame_ &&
          (*last_used_ == *last_frame_ || secondsBetween(*last_used_, frame.stamp) < kBadFrames);
@@ -251,8 +251,7 @@ void InvariantEstimator::closeLoops(FrameReport& report) {
   const double seconds = last_frame_ ? secondsBetween(*last_frame_, *stamp_) : 0.0;
   map_.bound(filter_);
   report.revisited += returning_.update(filter_, map_, *model_, *stamp_, seconds);
-  if (config_.recognise_places)
-    report.place_recognised = places_.update(filter_, map_, *stamp_, seconds);
+  if (config_.recognise_places) report.place_recognised = places_.update(filter_, map_, *stamp_, seconds);
   if (relocaliser_ && relocaliser_->update(filter_, map_, returning_, *model_, *stamp_)) {
     report.relocalised = true;
     relocaliser_.reset();

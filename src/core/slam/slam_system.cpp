@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -37,6 +38,14 @@ void SlamSystem::setRig(const StereoRig& rig) {
   rig_ = rig;
   estimator_->setRig(rig);
   drain();
+}
+
+void SlamSystem::setBiasPrior(const TwistBias& bias) {
+  if (!bias.mean.allFinite() || !bias.sigma.allFinite() || !(bias.sigma.minCoeff() > 0.0))
+    throw std::invalid_argument(
+        "a bias's mean and standard deviation must be finite, and the latter positive");
+  bias_ = bias;
+  estimator_->setBiasPrior(bias);
 }
 
 bool SlamSystem::countInvalid(const Measurement& measurement) {
@@ -134,6 +143,7 @@ void SlamSystem::reset(const std::string& reason) {
   buffer_.clear();
   estimator_ = makeEstimator(config_);
   if (rig_) estimator_->setRig(*rig_);
+  if (bias_) estimator_->setBiasPrior(*bias_);
   if (loaded_map_) estimator_->relocaliseIn(loaded_map_);
   dead_reckoning_ = DeadReckoning();
   first_stamp_.reset();

@@ -15,6 +15,9 @@ from vi_ekf_slam.dataset.truth import BODIES, load_truth
 
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s
+VELOCITY_BIAS_SIGMA = 0.001  # m/s
+NOISY_GYRO_BIAS_SIGMA = 0.01  # rad/s, of what was added to the course's drives
+INS_GYRO_BIAS_SIGMA = 0.0003  # rad/s, 1 deg/min: what an inertial navigation system leaves at most
 
 
 def make_parser():
@@ -34,8 +37,9 @@ def make_parser():
                              "IMU axes (default: %(default)s)")
     parser.add_argument("--velocity-sigma", type=float, default=DEFAULT_VELOCITY_SIGMA, metavar="M/S",
                         help="standard deviation of the velocity per axis (default: %(default)s)")
-    parser.add_argument("--gyro-sigma", type=float, default=DEFAULT_GYRO_SIGMA, metavar="RAD/S",
-                        help="standard deviation of the gyro per axis (default: %(default)s)")
+    parser.add_argument("--gyro-sigma", type=float, metavar="RAD/S",
+                        help="standard deviation of the gyro per axis (default: %g)" % DEFAULT_GYRO_SIGMA)
+    add_bias_options(parser)
     parser.add_argument("--truth", metavar="FILE",
                         help="true poses, KITTI (12 columns) or TUM (8 columns), recorded as /ground_truth/path and "
                              "/ground_truth/pose: IMU poses that begin at the identity of the frame map")
@@ -48,10 +52,30 @@ def make_parser():
     return parser
 
 
+def add_bias_options(parser):
+    """What is known of the constant biases, recorded as /twist_bias."""
+    parser.add_argument("--velocity-bias-sigma", type=float, default=VELOCITY_BIAS_SIGMA, metavar="M/S",
+                        help="standard deviation of the velocity's constant bias (default: %(default)s)")
+    parser.add_argument("--gyro-bias-sigma", type=float, metavar="RAD/S",
+                        help="standard deviation of the gyro's constant bias (default: %g, as it was added to the "
+                             "course's drives; %g where the twist is an INS's as it was recorded, whose noise only "
+                             "--gyro-sigma says)" % (NOISY_GYRO_BIAS_SIGMA, INS_GYRO_BIAS_SIGMA))
+
+
+def check_sigmas(options):
+    """InputError unless all of them are positive."""
+    for name, unit in (("velocity_sigma", "m/s"), ("gyro_sigma", "rad/s"), ("velocity_bias_sigma", "m/s"),
+                       ("gyro_bias_sigma", "rad/s")):
+        checks.require_positive(getattr(options, name), "--" + name.replace("_", "-"), unit)
+
+
 def convert(options):
     """Do what the parsed options ask; InputError when something is refused."""
-    checks.require_positive(options.velocity_sigma, "--velocity-sigma", "m/s")
-    checks.require_positive(options.gyro_sigma, "--gyro-sigma", "rad/s")
+    if options.gyro_bias_sigma is None:
+        options.gyro_bias_sigma = NOISY_GYRO_BIAS_SIGMA if options.gyro_sigma is None else INS_GYRO_BIAS_SIGMA
+    if options.gyro_sigma is None:
+        options.gyro_sigma = DEFAULT_GYRO_SIGMA
+    check_sigmas(options)
     checks.require_positive(options.max_memory_mb, "--max-memory-mb", "MB")
     if options.truth_body and not options.truth:
         raise InputError("--truth-body needs --truth")

@@ -2,8 +2,8 @@
 
 import argparse
 
+from vi_ekf_slam.bag import converter
 from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
-from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output
@@ -44,6 +44,7 @@ def make_parser():
     parser.add_argument("--gyro-sigma", type=float, metavar="RAD/S",
                         help="standard deviation of the gyro per axis (default: %g, good twist %g)"
                              % (DEFAULT_GYRO_SIGMA, GOOD_GYRO_SIGMA))
+    converter.add_bias_options(parser)
     parser.add_argument("--seed", type=int, default=1, help="of everything random (default: %(default)s)")
     parser.add_argument("--quiet", action="store_true", help="no report and no progress bar")
     return parser
@@ -77,8 +78,10 @@ def check(options):
         options.velocity_sigma = GOOD_VELOCITY_SIGMA if options.good_twist else DEFAULT_VELOCITY_SIGMA
     if options.gyro_sigma is None:
         options.gyro_sigma = GOOD_GYRO_SIGMA if options.good_twist else DEFAULT_GYRO_SIGMA
-    checks.require_positive(options.velocity_sigma, "--velocity-sigma", "m/s")
-    checks.require_positive(options.gyro_sigma, "--gyro-sigma", "rad/s")
+    if options.gyro_bias_sigma is None:
+        options.gyro_bias_sigma = (converter.INS_GYRO_BIAS_SIGMA if options.good_twist
+                                   else converter.NOISY_GYRO_BIAS_SIGMA)
+    converter.check_sigmas(options)
     for name, value in (("--every", options.every), ("--longest", options.longest)):
         if value is not None and value < 1:
             raise InputError("%s is %d, allowed: at least 1" % (name, value))

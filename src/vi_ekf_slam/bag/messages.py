@@ -66,6 +66,13 @@ def velocity(stamp, linear_velocity, sigma, seq=0):
     return message
 
 
+def twist_bias(stamp, velocity_sigma, gyro_sigma):
+    """What is known beforehand of the biases of velocity (m/s) and gyro (rad/s): zero, with these standard deviations."""
+    message = TwistWithCovarianceStamped(header=header(stamp, IMU_FRAME))
+    message.twist.covariance = _diagonal([velocity_sigma**2] * 3 + [gyro_sigma**2] * 3)
+    return message
+
+
 def stereo_features(stamp, ids, pixels, seq=0):
     """Features of one frame. ids: (N,) integers; pixels: (4, N) uL vL uR vR."""
     features = [StereoFeature(int(i), *column) for i, column in zip(ids, pixels.T.tolist())]

@@ -159,6 +159,22 @@ TEST(ConstantTwistModel, ResetsToItsPrior) {
   }
 }
 
+TEST(ConstantTwistModel, TakesWhatIsKnownOfTheBiasesAsTheirPriorFromThenOn) {
+  Random random(13);
+  Scene scene = busyScene(random);
+  const TwistBias known{random.vector<6>(-0.1, 0.1), Vector6d::LinSpaced(0.01, 0.06)};
+  const Eigen::MatrixXd expected = known.sigma.cwiseAbs2().asDiagonal();
+  scene.motion.setBiasPrior(scene.filter, known);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(scene.motion.bias(scene.filter), known.mean);
+    EXPECT_LT(distance(scene.filter.covariance(scene.motion.biasVariable()), expected), 1e-15);
+    expectCovariance(scene.filter.covariance());
+    scene.motion.process(scene.filter, GyroSample{0, Eigen::Vector3d::Ones(), {}});
+    EXPECT_NE(scene.motion.bias(scene.filter), known.mean);
+    scene.motion.reset(scene.filter, true);
+  }
+}
+
 TEST(ConstantTwistModel, ChangeOfTheTwistIsInUnitsOfItsCovariance) {
   Random random(13);
   const Scene scene = busyScene(random);

@@ -48,7 +48,8 @@ def test_topics_types_and_counts(convert):
     with rosbag.Bag(convert(drive())) as bag:
         topics = {t: (i.msg_type, i.message_count) for t, i in bag.get_type_and_topic_info().topics.items()}
     assert topics == {
-        "/tf_static": ("tf2_msgs/TFMessage", 1), "/imu": ("sensor_msgs/Imu", 8),
+        "/tf_static": ("tf2_msgs/TFMessage", 1),
+        "/twist_bias": ("geometry_msgs/TwistWithCovarianceStamped", 1), "/imu": ("sensor_msgs/Imu", 8),
         "/velocity": ("geometry_msgs/TwistWithCovarianceStamped", 8),
         "/features": ("vi_ekf_slam/StereoFeatureArray", 8),
         "/left/camera_info": ("sensor_msgs/CameraInfo", 8), "/right/camera_info": ("sensor_msgs/CameraInfo", 8)}
@@ -57,7 +58,7 @@ def test_topics_types_and_counts(convert):
 def test_order_and_record_times(convert):
     arrays = drive()
     stamps = [ros_time(t).to_nsec() for t in arrays["time_stamps"][0]]
-    expected = [("/tf_static", stamps[0])] + [(topic, t) for t in stamps for topic in PER_FRAME]
+    expected = [("/tf_static", stamps[0]), ("/twist_bias", stamps[0])] + [(topic, t) for t in stamps for topic in PER_FRAME]
     path = convert(arrays)
     assert in_file_order(path) == expected
     for m in contents(path):
@@ -75,7 +76,7 @@ def test_only_the_static_topics_are_latched(convert, tmp_path):
     truth.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     latched = {m.topic for m in contents(convert(drive(), "--truth", str(truth)))
                if m.connection_header.get("latching") in ("1", b"1")}
-    assert latched == {"/tf_static", "/ground_truth/path"}
+    assert latched == {"/tf_static", "/twist_bias", "/ground_truth/path"}
 
 
 def test_imu(convert):
@@ -166,9 +167,19 @@ def test_static_transforms_carry_the_cameras_pose_on_the_imu(convert, arrays, op
     assert [t.x, t.y, t.z, q.x, q.y, q.z, q.w] == [0.5, 0, 0, 0, 0, 0, 1]
 
 
+@pytest.mark.parametrize("options, velocity, gyro", [
+    ((), 0.001, 0.01), (("--gyro-sigma", "0.01"), 0.001, 0.0003),
+    (("--gyro-sigma", "0.01", "--gyro-bias-sigma", "0.02", "--velocity-bias-sigma", "0.1"), 0.1, 0.02)],
+    ids=["noise was added", "as the INS recorded it", "as stated"])
+def test_what_is_known_of_the_biases(convert, options, velocity, gyro):
+    (bias,) = by_topic(convert(drive(), *options), "/twist_bias")
+    assert bias.header.frame_id == "imu_link" and bias.twist.twist.linear.x == bias.twist.twist.angular.z == 0.0
+    assert np.allclose(np.reshape(bias.twist.covariance, (6, 6)), np.diag([velocity**2] * 3 + [gyro**2] * 3))
+
+
 def test_without_features_imu_and_velocity_remain(convert):
     topics = {m.topic for m in contents(convert(drive(features=None, K=None, b=None), "--without-features"))}
-    assert topics == {"/imu", "/velocity", "/tf_static"}
+    assert topics == {"/imu", "/velocity", "/tf_static", "/twist_bias"}
 
 
 def test_truth_of_the_camera_becomes_poses_of_the_imu(convert, tmp_path):
@@ -201,7 +212,7 @@ def test_truth_poses_are_recorded_at_their_stamps(convert, tmp_path):
     order = [topic for topic, _ in in_file_order(convert(drive(), "--truth", str(truth)))]
     pose = ["/ground_truth/pose"]
     # At equal stamps after the frame's own messages, between frames in between; the last frame's is not lost.
-    assert order[:15] == ["/tf_static", "/ground_truth/path"] + PER_FRAME + 2 * pose + PER_FRAME + pose
+    assert order[:16] == ["/tf_static", "/twist_bias", "/ground_truth/path"] + PER_FRAME + 2 * pose + PER_FRAME + pose
     assert order[-6:] == PER_FRAME + pose and order.count(pose[0]) == 4
 
 

@@ -40,20 +40,6 @@ MOTORWAY = ("--block-length", "2000", "--speed", "30", "--duration", "60", "--mo
             "--stale-fraction", "0.05")
 TWISTS = {"noisy twist": (), "good twist": GOOD + ("--gyro-bias-min", "0", "--gyro-bias-max", "0")}
 
-# Not met since the bias of a sensor is not graded by one sample's noise any more: a prior that suits an ordinary gyro is too
-# wide for a very good INS, and few or misleading features fill it in.
-OPEN = {("every 20th track", "0034"), ("every 10th track, ends cut", "0027"), ("every 10th track, ends cut", "0034"),
-        ("every 20th track, ends cut", "0027"), ("every 20th track, ends cut", "0034"),
-        ("60 % traffic, every 5th track, good twist", "0034")}
-OPEN |= {(seed, "good twist") for seed in "123"}
-
-
-def cases(first, second):
-    """All pairs, those that are open marked as such: they fail, and say so as soon as they do not."""
-    open_mark = pytest.mark.xfail(strict=True, reason="worse than dead reckoning with a very good INS, see OPEN")
-    return [pytest.param(a, b, marks=open_mark if (a, b) in OPEN else ()) for a in first for b in second]
-
-
 @functools.lru_cache(maxsize=None)  # reading takes as long as a run
 def drive_with_truth(npz, truth):
     return degrader.load_drive(npz, truth)
@@ -77,7 +63,8 @@ def test_with_a_good_ins(drive, dead_reckoning, tmp_path):
     assert judge(bag, str(tmp_path / "run")).dead_reckoning.ate == pytest.approx(dead_reckoning, abs=0.01)
 
 
-@pytest.mark.parametrize("case, drive", cases(CASES, DRIVES))
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("case", CASES)
 def test_with_degraded_features(case, drive, tmp_path):
     bag, truth = str(tmp_path / "drive.bag"), data_file(drive + "_truth_left_camera.txt")
     npz = data_file(drive + ".npz")
@@ -86,7 +73,8 @@ def test_with_degraded_features(case, drive, tmp_path):
     require_no_worse_than_dead_reckoning(bag, tmp_path)
 
 
-@pytest.mark.parametrize("seed, twist", cases("123", TWISTS))
+@pytest.mark.parametrize("twist", TWISTS)
+@pytest.mark.parametrize("seed", "123")
 def test_in_simulated_traffic(seed, twist, tmp_path):
     npz, bag = str(tmp_path / "drive.npz"), str(tmp_path / "drive.bag")
     assert simulate([npz, "--quiet", "--seed", seed, *MOTORWAY, *TWISTS[twist]]) == 0

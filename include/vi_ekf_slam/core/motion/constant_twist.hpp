@@ -13,8 +13,8 @@ class ConstantTwist : public MotionModel {
   struct Options {
     /// m/s^1.5 and rad/s^1.5: how hard the body can accelerate. A car's, with room for the rare bump: between
     /// the RMS (0.1 to 0.3, 0.03 to 0.07, 0.04 to 0.14; 0.03 to 0.07, 0.03 to 0.1, 0.01 to 0.03) and the 99 %
-    /// quantile (0.2 to 0.7, 0.1 to 0.2, 0.1 to 0.4; 0.1 to 0.25, 0.1 to 0.26, 0.02 to 0.1) of the increments of
-    /// what an INS measured on six short drives.
+    /// quantile (0.2 to 0.7, 0.1 to 0.2, 0.1 to 0.4; 0.1 to 0.25, 0.1 to 0.26, 0.02 to 0.1) of the increments
+    /// of what an INS measured on six short drives.
     Vector6d twist_density = (Vector6d() << 0.5, 0.08, 0.08, 0.1, 0.15, 0.1).finished();
     Vector6d bias_density = Vector6d::Zero(); ///< m/s^1.5 and rad/s^1.5: random walk of the biases
     Vector6d prior_twist_sigma = (Vector6d() << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5).finished();
@@ -26,6 +26,7 @@ class ConstantTwist : public MotionModel {
   explicit ConstantTwist(const Options& options) : options_(options) {}
 
   void addTo(Filter& filter) override;
+  void setBiasPrior(Filter& filter, const TwistBias& bias) override;
   void propagate(Filter& filter, double dt) const override;
   void process(Filter& filter, const GyroSample& sample) const override;
   void process(Filter& filter, const VelocitySample& sample) const override;
@@ -48,7 +49,10 @@ class ConstantTwist : public MotionModel {
   Handle biasVariable() const { return bias_; }
 
  private:
+  void resetBiases(Filter& filter) const;
+
   Options options_;
+  Vector6d prior_bias_ = Vector6d::Zero();
   Handle twist_ = 0, bias_ = 0;
 };
 

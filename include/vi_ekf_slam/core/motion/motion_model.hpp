@@ -5,14 +5,17 @@
 
 namespace vi_ekf_slam {
 
-/// How a body moves between two stamps, and what its own sensors say about that: the variables of the filter's
-/// core beside the pose, how all of them propagate, and what a sample corrects.
+/// How a body moves between two stamps, and what its own sensors say about that: the variables of the
+/// filter's core beside the pose, how all of them propagate, and what a sample corrects.
 class MotionModel {
  public:
   virtual ~MotionModel() = default;
 
   /// Adds its variables to a filter that has nothing but the pose.
   virtual void addTo(Filter& filter) = 0;
+  /// What is known of the biases beforehand, in place of the configured prior: from now on, what
+  /// was learned is forgotten, and after every reset.
+  virtual void setBiasPrior(Filter& filter, const TwistBias& bias) = 0;
   /// Moves on by `dt` s.
   virtual void propagate(Filter& filter, double dt) const = 0;
   virtual void process(Filter& filter, const GyroSample& sample) const = 0;
@@ -35,7 +38,8 @@ class MotionModel {
   /// What the gyro reads at rest (rad/s) and its covariance.
   virtual Eigen::Vector3d gyroBias(const Filter& filter) const = 0;
   virtual Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const = 0;
-  /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the twist.
+  /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the
+  /// twist.
   virtual double twistChange(const Filter& filter, const Eigen::VectorXd& error) const = 0;
 };
 

@@ -7,19 +7,19 @@
 namespace vi_ekf_slam {
 
 /// What all tracks do together that the static world does not: a front end's tracks lag and slide with the
-/// flow, so that the points they stand for move with the vehicle, by a fraction of the way and turning about
-/// it. A variable of the core, s = (fraction of the way along the body's axes, rad turned per m), zero in the
-/// mean and correlated over a length of the way (Ornstein-Uhlenbeck). Over d m every point x that is tracked
-/// moves by
+/// flow, so that the points they stand for move with the vehicle, by a fraction of its displacement and
+/// turning about it. A variable of the core, s = (fraction s_p of the displacement, rad turned per m s_r in
+/// the body's axes), zero in the mean and correlated over a length of the way (Ornstein-Uhlenbeck). Over a
+/// displacement u (m, world) every point x that is tracked moves by
 ///
-///   d R s_p + d (R s_r) x (x - p),
+///   u s_p + |u| (R s_r) x (x - p),
 ///
 /// which no measurement of the tracks can tell from a motion of the body.
 class TrackSlip {
  public:
   /// Standard deviations; both 0: tracks do not slip.
   struct Options {
-    double sigma = 0.02;            ///< of the way, along it (1)
+    double sigma = 0.02;            ///< of the displacement (1)
     double rotation_sigma = 0.0001; ///< rad/m
     double length_m = 20.0;         ///< over which it stays the same
   };
@@ -30,11 +30,11 @@ class TrackSlip {
   void addTo(Filter& filter);
   /// The body has moved by `distance_m` since the last frame: in the core. Before the filter is settled.
   void propagate(Filter& filter, double distance_m) const;
-  /// The landmarks that are in view have slipped over it.
-  void apply(Filter& filter, const LandmarkMap& map, double distance_m) const;
+  /// The landmarks that are in view have slipped over its displacement, world, m.
+  void apply(Filter& filter, const LandmarkMap& map, const Eigen::Vector3d& displacement) const;
 
  private:
-  Vector6d variances() const;
+  Eigen::Vector4d variances() const;
 
   Options options_;
   std::optional<Handle> variable_;

@@ -25,6 +25,13 @@ struct VelocitySample {
   std::optional<Eigen::Matrix3d> covariance; ///< (m/s)^2 of this sample; absent: the configured noise holds
 };
 
+/// What is known beforehand of the constant biases of what is measured of the twist: (velocity in m/s, gyro
+/// in rad/s), IMU frame.
+struct TwistBias {
+  Vector6d mean = Vector6d::Zero();
+  Vector6d sigma = Vector6d::Zero(); ///< standard deviations
+};
+
 using FeatureId = std::uint64_t;
 
 struct StereoFeatureObservation {

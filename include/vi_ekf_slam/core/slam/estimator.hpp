@@ -81,6 +81,10 @@ class Estimator {
   /// invalid.
   virtual void setRig(const StereoRig& rig) = 0;
 
+  /// What is known of the biases beforehand, instead of the configured prior; an estimator without biases has
+  /// no use for it.
+  virtual void setBiasPrior(const TwistBias& /*bias*/) {}
+
   virtual void process(const GyroSample& sample) = 0;
   virtual void process(const VelocitySample& sample) = 0;
   virtual FrameReport process(const StereoFrame& frame) = 0;

@@ -20,6 +20,7 @@ class InvariantEstimator : public Estimator {
   explicit InvariantEstimator(const InvariantConfig& config);
 
   void setRig(const StereoRig& rig) override;
+  void setBiasPrior(const TwistBias& bias) override { motion_->setBiasPrior(filter_, bias); }
   void process(const GyroSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
@@ -74,7 +75,7 @@ class InvariantEstimator : public Estimator {
   std::optional<Stamp> stamp_, last_frame_;
   std::optional<Stamp> last_used_; ///< frame that corrected the local map, or began it
   Eigen::Vector3d last_position_ = Eigen::Vector3d::Zero(); ///< world, m, at the last frame
-  Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
+  Divergence divergence_ = Divergence::kNone;               ///< to be reported with the next frame
 };
 
 } // namespace vi_ekf_slam

@@ -77,6 +77,10 @@ class SlamSystem {
   /// Whether the configured estimator looks at features, for which it needs the calibration.
   bool needsRig() const;
 
+  /// What is known of the sensors' biases, in place of the configured prior; also after a reset. Throws
+  /// std::invalid_argument unless all is finite and the sigmas are positive.
+  void setBiasPrior(const TwistBias& bias);
+
   /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and
   /// counted.
   void add(Measurement measurement);
@@ -119,6 +123,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> estimator_;
   DeadReckoning dead_reckoning_;
   std::optional<StereoRig> rig_;
+  std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> loaded_map_;
   std::optional<Stamp> first_stamp_;
   Blindness blindness_;
