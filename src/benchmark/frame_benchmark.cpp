@@ -3,15 +3,13 @@
 /// turns.
 
 #include <benchmark/benchmark.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 
 #include "resting_scene.hpp"
+#include "vi_ekf_slam/core/run/memory.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -71,11 +69,7 @@ BENCHMARK(frameUpdate)
 } // namespace vi_ekf_slam
 
 int main(int argc, char** argv) {
-#ifdef __GLIBC__
-  // The kernels ask for memory to pack what they multiply, and are not to be slower for the pages of it.
-  mallopt(M_TRIM_THRESHOLD, 64 << 20);
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-#endif
+  vi_ekf_slam::keepFreedMemory();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -2,9 +2,6 @@
 /// from one frame to the next, samples and frame, of two systems that are driven in turns.
 
 #include <benchmark/benchmark.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #include <algorithm>
 #include <ctime>
@@ -12,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"
@@ -133,10 +131,7 @@ BENCHMARK(rates)
 } // namespace vi_ekf_slam
 
 int main(int argc, char** argv) {
-#ifdef __GLIBC__
-  mallopt(M_TRIM_THRESHOLD, 64 << 20);
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-#endif
+  vi_ekf_slam::keepFreedMemory();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <stdexcept>
 
+#include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/ros/slam_node.hpp"
 
 namespace {
@@ -42,6 +43,7 @@ void drain(ros::CallbackQueue& queue) {
 } // namespace
 
 int main(int argc, char** argv) {
+  vi_ekf_slam::keepFreedMemory();
   ros::init(argc, argv, "slam", ros::init_options::NoSigintHandler);
   const ros::NodeHandle nh;
   const ros::NodeHandle private_nh("~");

@@ -8,6 +8,7 @@
 #include "bag_input.hpp"
 #include "progress.hpp"
 #include "run_bag_options.hpp"
+#include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
@@ -108,6 +109,7 @@ int run(const RunBagOptions& options) {
 
 int main(int argc, char** argv) {
   using namespace vi_ekf_slam;
+  keepFreedMemory();
   std::signal(SIGINT, [](int) { g_stop = 1; });
   std::signal(SIGTERM, [](int) { g_stop = 1; });
   try {

@@ -14,7 +14,8 @@ void CompressedCore::open(const Eigen::Vector3d& position, const Eigen::Ref<cons
   psi_.setZero(size_);
 }
 
-void CompressedCore::correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L, const Eigen::MatrixXd& H,
+void CompressedCore::correct(const Eigen::Ref<const Eigen::MatrixXd>& PHt,
+                             const Eigen::Ref<const Eigen::MatrixXd>& L, const Eigen::MatrixXd& H,
                              const Eigen::VectorXd& nu) {
   Eigen::MatrixXd weighted = H * Phi_; // L^-1 H Phi, then S^-1 H Phi
   L.triangularView<Eigen::Lower>().solveInPlace(weighted);
@@ -24,7 +25,8 @@ void CompressedCore::correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& 
   Phi_.noalias() -= PHt * weighted;
 }
 
-/// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of zeros.
+/// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of
+/// zeros.
 Eigen::MatrixXd CompressedCore::Gamma() const {
   constexpr double kRounding = 1e-15;
   Eigen::MatrixXd left = Omega_, Gamma(size_, size_);

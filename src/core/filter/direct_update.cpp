@@ -16,9 +16,10 @@ constexpr double kLargestInnovation = 1e4; // S over R: R - R S^-1 R loses as ma
 
 } // namespace
 
-/// Of the lower triangle: the columns of each point, then its rows.
-void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
-  if (points.empty()) return;
+namespace {
+
+/// The lower triangle alone: the columns of each point, then its rows.
+void reexpressLower(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
   for (const auto& [row, M] : points) {
     auto below = P.middleCols<3>(row).bottomRows(P.rows() - row);
     below = below.lazyProduct(M.transpose()).eval();
@@ -30,13 +31,19 @@ void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexp
       P.col(column).segment<3>(row).noalias() = M * own;
     }
   }
+}
+
+} // namespace
+
+void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
+  if (points.empty()) return;
+  reexpressLower(P, points);
   mirrorLower(P);
 }
 
 std::optional<DirectUpdate> DirectUpdate::make(const Innovation& in) {
-  const Eigen::Index size = in.PHt().rows();
+  const Eigen::Index size = in.error().size();
   if (2 * in.rows() < size) return std::nullopt;
-  const auto& L = in.L();
   std::vector<bool> is_seen(static_cast<std::size_t>(size), false);
   std::vector<Seen> seen;
   for (std::size_t i = 0; i < in.measurements().size(); ++i) {
@@ -49,8 +56,7 @@ std::optional<DirectUpdate> DirectUpdate::make(const Innovation& in) {
     if (!(J.norm() * inverse.norm() < kWorstCondition)) return std::nullopt;
     const Eigen::Index row = in.rowOf(i);
     for (Eigen::Index k = 0; k < 3; ++k) {
-      if (!(L.row(row + k).head(row + k + 1).squaredNorm() < kLargestInnovation * z.noise()(k, k)))
-        return std::nullopt;
+      if (!(in.variance(row + k) < kLargestInnovation * z.noise()(k, k))) return std::nullopt;
     }
     Seen own{column, inverse, z.noise(), {}};
     for (std::size_t k = 1; k < z.termCount(); ++k)
@@ -73,11 +79,9 @@ DirectUpdate::DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::ve
     : seen_(std::move(seen)),
       rest_(std::move(rest)),
       S_inverse_(in.rows(), in.rows()),
-      weighted_(static_cast<Eigen::Index>(rest_.size()), in.rows()) {
+      weighted_(in.PHt(rest_)) {
   S_inverse_.triangularView<Eigen::Lower>() = in.L();
   S_inverse_.triangularView<Eigen::StrictlyUpper>().setZero();
-  for (std::size_t i = 0; i < rest_.size(); ++i)
-    weighted_.row(static_cast<Eigen::Index>(i)) = in.PHt().row(rest_[i]);
   divideByLowerTransposed(weighted_, in.L());
   gain_ = weighted_;
   divideByLower(gain_, in.L());
@@ -143,6 +147,12 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
         P.block<3, 3>(to, seen_[j].row) = block.transpose();
     }
   }
+  std::vector<Variables::Reexpressed> unseen;
+  for (const auto& point : points) {
+    const bool is_rest = std::find(rest_.begin(), rest_.end(), point.row) != rest_.end();
+    if (is_rest) unseen.push_back(point);
+  }
+  reexpressLower(P, unseen);
   mirrorLower(P);
   // From y + G c to y.
   for (const Seen& seen : seen_) {
@@ -153,12 +163,6 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
       P.middleRows<3>(seen.row).noalias() -= G * P.middleRows(other.column, G.cols());
     }
   }
-  std::vector<Variables::Reexpressed> unseen;
-  for (const auto& point : points) {
-    const bool is_rest = std::find(rest_.begin(), rest_.end(), point.row) != rest_.end();
-    if (is_rest) unseen.push_back(point);
-  }
-  reexpress(P, unseen);
 }
 
 } // namespace vi_ekf_slam

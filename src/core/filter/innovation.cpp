@@ -1,13 +1,18 @@
 #include "vi_ekf_slam/core/filter/innovation.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <limits>
+#include <numeric>
 #include <utility>
+
+#include "vi_ekf_slam/core/filter/triangular.hpp"
 
 namespace vi_ekf_slam {
 
 Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
                        std::vector<LinearMeasurement> measurements)
-    : measurements_(std::move(measurements)) {
+    : measurements_(std::move(measurements)), used_(measurements_.size()) {
   stack();
   PHt_.resize(P.rows(), rows());
   for (std::size_t i = 0; i < measurements_.size(); ++i) {
@@ -36,9 +41,22 @@ Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
     const LinearMeasurement& z = measurements_[i];
     auto left = S_.block(first_[i], 0, z.rows(), first_[i + 1]);
     left.setZero();
-    z.addProduct(PHt_.leftCols(first_[i + 1]), left);
+    for (const LinearMeasurement::Term& term : z) {
+      if (term.H.rows() == 3 && term.H.cols() == 3) {
+        const Eigen::Matrix3d H = term.H;
+        Eigen::Index column = 0;
+        for (; column + 3 <= left.cols(); column += 3)
+          left.middleCols<3>(column).noalias() += H.lazyProduct(PHt_.block<3, 3>(term.column, column));
+        for (; column < left.cols(); ++column)
+          left.col(column).noalias() += H * PHt_.col(column).segment<3>(term.column);
+      } else {
+        left.noalias() += term.H * PHt_.block(term.column, 0, term.H.cols(), left.cols());
+      }
+    }
     S_.block(first_[i], first_[i], z.rows(), z.rows()) += z.noise();
   }
+  column_.resize(static_cast<std::size_t>(rows()));
+  std::iota(column_.begin(), column_.end(), 0);
 }
 
 void Innovation::stack() {
@@ -51,42 +69,117 @@ void Innovation::stack() {
 
 double Innovation::nisOf(std::size_t i) const {
   const Eigen::LLT<SmallMatrix> llt{SmallMatrix(S(i, i))};
-  const SmallVector& residual = measurements_[i].residual();
+  const SmallVector residual = residual_.segment(first_[i], measurements_[i].rows());
   if (llt.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
   return residual.dot(SmallVector(llt.solve(residual)));
 }
 
-void Innovation::keep(const std::vector<bool>& chosen) {
-  std::vector<LinearMeasurement> kept;
-  std::vector<Eigen::Index> from;
-  for (std::size_t i = 0; i < measurements_.size(); ++i) {
-    if (!chosen[i]) continue;
-    kept.push_back(measurements_[i]);
-    from.push_back(first_[i]);
-  }
-  if (kept.size() == measurements_.size()) return;
-  measurements_ = std::move(kept);
-  stack();
-  // In their place: whoever moves, moves to the left and upwards.
-  for (std::size_t j = 0; j < from.size(); ++j) {
-    const Eigen::Index columns = measurements_[j].rows();
-    if (first_[j] != from[j]) PHt_.middleCols(first_[j], columns) = PHt_.middleCols(from[j], columns).eval();
-    for (std::size_t i = j; i < from.size(); ++i) {
-      const SmallMatrix block = S_.block(from[i], from[j], measurements_[i].rows(), columns);
-      S_.block(first_[i], first_[j], measurements_[i].rows(), columns) = block;
+void Innovation::putFirst(const std::vector<bool>& chosen) {
+  std::vector<LinearMeasurement> ordered;
+  std::vector<Eigen::Index> from; // rows of S, in their new order
+  for (const bool first : {true, false}) {
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
+      if (chosen[i] != first) continue;
+      for (Eigen::Index row = first_[i]; row < first_[i + 1]; ++row) from.push_back(row);
+      ordered.push_back(std::move(measurements_[i]));
     }
+    if (first) used_ = ordered.size();
   }
-  PHt_.conservativeResize(Eigen::NoChange, rows());
-  S_.conservativeResize(rows(), rows());
+  measurements_ = std::move(ordered);
+  stack();
+  if (used_ == chosen.size()) return;
+  for (Eigen::Index& column : column_) column = from[static_cast<std::size_t>(column)];
+  // Those that take part in their place: whoever moves, moves to the left and upwards. The others behind
+  // them.
+  const Eigen::Index taking = rows(), all = first_.back();
+  const auto rowFrom = [&from](Eigen::Index row) { return from[static_cast<std::size_t>(row)]; };
+  Eigen::MatrixXd behind(all - taking, all);
+  for (Eigen::Index j = 0; j < all; ++j) {
+    for (Eigen::Index i = std::max(j, taking); i < all; ++i)
+      behind(i - taking, j) = S_(std::max(rowFrom(i), rowFrom(j)), std::min(rowFrom(i), rowFrom(j)));
+  }
+  for (Eigen::Index j = 0; j < taking; ++j) {
+    for (Eigen::Index i = j; i < taking; ++i) S_(i, j) = S_(rowFrom(i), rowFrom(j));
+  }
+  S_.bottomRows(all - taking) = behind;
+}
+
+void Innovation::drop() {
+  measurements_.erase(measurements_.begin() + static_cast<std::ptrdiff_t>(used_), measurements_.end());
+  stack();
 }
 
 bool Innovation::factorise() {
-  if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(S_).info() != Eigen::Success) return false; // in its place
-  Eigen::VectorXd weighted = residual_;
-  S_.triangularView<Eigen::Lower>().solveInPlace(weighted);
+  const Eigen::Index r = rows(), waiting = first_.back() - r;
+  variance_ = S_.diagonal();
+  auto S = S_.topLeftCorner(r, r);
+  if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(S).info() != Eigen::Success) return false; // in its place
+  solve();
+  if (waiting > 0) {
+    auto behind = S_.block(r, 0, waiting, r);
+    divideByLowerTransposed(behind, L());
+    S_.block(r, r, waiting, waiting).triangularView<Eigen::Lower>() -= behind * behind.transpose();
+    Eigen::VectorXd known = residual();
+    L().triangularView<Eigen::Lower>().solveInPlace(known);
+    residual_.tail(waiting).noalias() -= behind * known;
+  }
+  return nis_ >= 0.0 && error_.allFinite();
+}
+
+void Innovation::solve() {
+  Eigen::VectorXd weighted = residual();
+  L().triangularView<Eigen::Lower>().solveInPlace(weighted);
   nis_ = weighted.squaredNorm();
-  S_.transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
-  error_.noalias() = PHt_ * weighted;
+  L().transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
+  Eigen::VectorXd scattered = Eigen::VectorXd::Zero(PHt_.cols());
+  for (Eigen::Index row = 0; row < rows(); ++row)
+    scattered[column_[static_cast<std::size_t>(row)]] = weighted[row];
+  error_.noalias() = PHt_ * scattered;
+}
+
+Eigen::MatrixXd Innovation::PHt() const {
+  Eigen::MatrixXd result(PHt_.rows(), rows());
+  for (Eigen::Index row = 0; row < rows(); ++row)
+    result.col(row) = PHt_.col(column_[static_cast<std::size_t>(row)]);
+  return result;
+}
+
+Eigen::MatrixXd Innovation::PHt(const std::vector<Eigen::Index>& chosen) const {
+  Eigen::MatrixXd result(static_cast<Eigen::Index>(chosen.size()), rows());
+  for (Eigen::Index column = 0; column < rows(); ++column) {
+    const auto from = PHt_.col(column_[static_cast<std::size_t>(column)]);
+    for (std::size_t i = 0; i < chosen.size(); ++i)
+      result(static_cast<Eigen::Index>(i), column) = from[chosen[i]];
+  }
+  return result;
+}
+
+/// The rows behind the factor are its own already, but for the blocks between themselves.
+bool Innovation::accept(const std::vector<bool>& passes) {
+  const Eigen::Index begin = rows();
+  std::vector<Eigen::Index> from; // rows of those that pass
+  for (std::size_t i = 0; i < passes.size(); ++i) {
+    const std::size_t waiting = measurements_.size() - passes.size() + i;
+    if (!passes[i]) continue;
+    for (Eigen::Index row = first_[waiting]; row < first_[waiting + 1]; ++row) from.push_back(row);
+    if (waiting != used_) measurements_[used_] = std::move(measurements_[waiting]);
+    ++used_;
+  }
+  drop();
+  if (from.empty()) return true;
+  const auto added = static_cast<Eigen::Index>(from.size());
+  Eigen::MatrixXd S(added, begin + added);
+  for (Eigen::Index i = 0; i < added; ++i) {
+    const auto row = from[static_cast<std::size_t>(i)], to = begin + i;
+    S.row(i).head(begin) = S_.row(row).head(begin);
+    for (Eigen::Index j = 0; j <= i; ++j) S(i, begin + j) = S_(row, from[static_cast<std::size_t>(j)]);
+    column_[static_cast<std::size_t>(to)] = column_[static_cast<std::size_t>(row)];
+    variance_[to] = variance_[row];
+  }
+  Eigen::Ref<Eigen::MatrixXd> own = S.rightCols(added);
+  if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(own).info() != Eigen::Success) return false;
+  S_.block(begin, 0, added, begin + added) = S;
+  solve();
   return nis_ >= 0.0 && error_.allFinite();
 }
 

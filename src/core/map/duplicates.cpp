@@ -65,7 +65,8 @@ Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::
     best.swap(agrees);
   }
   if (most == 0 || static_cast<std::size_t>(most) < least) return result;
-  in.keep(best);
+  in.putFirst(best);
+  in.drop();
   // Straight coordinates: a correction that moves all rigidly must not bend what lies before the camera.
   if (!in.factorise() || !(in.nis() <= kJointGate * 3.0 * static_cast<double>(most)) || !filter.correct(in))
     return result;

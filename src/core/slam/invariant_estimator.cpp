@@ -165,9 +165,9 @@ std::vector<std::size_t> InvariantEstimator::usableFeatures(const StereoFrame& f
 
 void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& report) {
   const std::vector<std::size_t> usable = usableFeatures(frame, report);
-  const Associations seen = associate(filter_, map_, *model_, frame, usable);
+  Associations seen = associate(filter_, map_, *model_, frame, usable);
   const FrameOutcome outcome =
-      FrameUpdate(config_.update, *model_, *motion_).apply(filter_, map_, frame, seen.known);
+      FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
   report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
   report.rejected += seen.known.size() - report.used;
   report.frame_rejected = outcome.skipped;

@@ -21,11 +21,13 @@ Associations associate(const Filter& filter, const LandmarkMap& map, const Stere
   for (const std::size_t feature : usable) {
     const StereoFeatureObservation& f = frame.features[feature];
     const auto known = landmark_of_id.find(f.id);
-    const bool is_known = known != landmark_of_id.end() && !seen[known->second] &&
-                          model.observe(filter, map.active()[known->second].variable, f.pixels);
-    if (is_known) {
+    std::optional<LinearMeasurement> measurement;
+    if (known != landmark_of_id.end() && !seen[known->second])
+      measurement = model.observe(filter, map.active()[known->second].variable, f.pixels);
+    if (measurement) {
       seen[known->second] = true;
       result.known.push_back({known->second, feature});
+      result.measurements.push_back(std::move(*measurement));
     } else {
       result.unknown.push_back(feature);
     }
@@ -33,40 +35,38 @@ Associations associate(const Filter& filter, const LandmarkMap& map, const Stere
   return result;
 }
 
-FrameOutcome FrameUpdate::apply(Filter& filter, const LandmarkMap& map, const StereoFrame& frame,
-                                const std::vector<Association>& associations) const {
+FrameOutcome FrameUpdate::apply(Filter& filter, std::vector<LinearMeasurement> measurements) const {
   FrameOutcome outcome;
-  outcome.used.assign(associations.size(), false);
-  if (associations.empty()) return outcome;
-  std::vector<LinearMeasurement> measurements;
-  for (const Association& a : associations)
-    measurements.push_back(*model_.observe(filter, map.active()[a.landmark].variable,
-                                           frame.features[a.feature].pixels));
+  const std::size_t count = measurements.size();
+  outcome.used.assign(count, false);
+  if (count == 0) return outcome;
   Innovation in(filter.covariance(), std::move(measurements));
-  std::vector<double> nis(associations.size());
-  for (std::size_t i = 0; i < associations.size(); ++i) {
+  std::vector<double> nis(count);
+  for (std::size_t i = 0; i < count; ++i) {
     nis[i] = in.nisOf(i);
     outcome.capped_nis += nis[i] < options_.plausible_gate ? nis[i] : options_.plausible_gate;
     if (!(nis[i] < options_.plausible_gate)) continue;
     outcome.nis += nis[i];
     outcome.nis_dof += 3;
   }
-  const std::vector<bool> chosen = choose(in, nis);
-  const auto count = static_cast<double>(std::count(chosen.begin(), chosen.end(), true));
-  in.keep(chosen);
-  // The last one: what moves with the camera (a lorry that fills the view) agrees with itself, but not with
-  // the motion.
-  outcome.skipped = count < kLeastShare * static_cast<double>(chosen.size()) || count == 0.0 || !in.factorise() || !(in.nis() <= options_.frame_gate * 3.0 * count) ||
-                    !(motion_.twistChange(filter, in.error()) <= options_.motion_gate) ||
+  outcome.used = choose(in, nis);
+  const auto agree = static_cast<double>(std::count(outcome.used.begin(), outcome.used.end(), true));
+  in.putFirst(outcome.used);
+  outcome.skipped = agree == 0.0 || agree < kLeastShare * static_cast<double>(count) ||
+                    !isPossible(in, filter) || !reconsider(in, outcome.used) ||
                     !filter.correct(in, model_.inverseDepthChart(filter));
   if (outcome.skipped) {
+    outcome.used.assign(count, false);
     outcome.nis = outcome.capped_nis = 0.0;
     outcome.nis_dof = 0;
-    return outcome;
   }
-  outcome.used = chosen;
-  if (options_.consensus) reconsider(filter, map, frame, associations, outcome);
   return outcome;
+}
+
+/// What moves with the camera (a lorry that fills the view) agrees with itself, but not with the motion.
+bool FrameUpdate::isPossible(Innovation& in, const Filter& filter) const {
+  return in.factorise() && in.nis() <= options_.frame_gate * static_cast<double>(in.rows()) &&
+         motion_.twistChange(filter, in.error()) <= options_.motion_gate;
 }
 
 /// Which measurements agree with each other, or, without consensus, with the prediction.
@@ -78,30 +78,17 @@ std::vector<bool> FrameUpdate::choose(const Innovation& in, const std::vector<do
   return largestConsensus(in, 4.0 * options_.consensus_px * options_.consensus_px, passes);
 }
 
-/// Takes back those that pass their own gate with the corrected state: the consensus is judged in pixels, and
-/// a young landmark may be honestly uncertain.
-void FrameUpdate::reconsider(Filter& filter, const LandmarkMap& map, const StereoFrame& frame,
-                             const std::vector<Association>& associations, FrameOutcome& outcome) const {
-  std::vector<LinearMeasurement> again;
-  std::vector<std::size_t> index;
-  for (std::size_t i = 0; i < associations.size(); ++i) {
-    if (outcome.used[i]) continue;
-    auto measurement = model_.observe(filter, map.active()[associations[i].landmark].variable,
-                                      frame.features[associations[i].feature].pixels);
-    if (!measurement) continue;
-    again.push_back(std::move(*measurement));
-    index.push_back(i);
+/// Takes back those that pass their own gate given the others: the consensus is judged in pixels, and a young
+/// landmark may be honestly uncertain.
+bool FrameUpdate::reconsider(Innovation& in, std::vector<bool>& used) const {
+  std::vector<bool> passes;
+  std::size_t waiting = static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    if (used[i]) continue;
+    passes.push_back(options_.consensus && in.nisOf(waiting++) < options_.gate);
+    used[i] = passes.back();
   }
-  if (again.empty()) return;
-  Innovation in(filter.covariance(), std::move(again));
-  std::vector<bool> passes(index.size());
-  for (std::size_t i = 0; i < index.size(); ++i) passes[i] = in.nisOf(i) < options_.gate;
-  if (std::count(passes.begin(), passes.end(), true) == 0) return;
-  in.keep(passes);
-  if (!in.factorise() || !filter.correct(in, model_.inverseDepthChart(filter))) return;
-  for (std::size_t i = 0; i < index.size(); ++i) {
-    if (passes[i]) outcome.used[index[i]] = true;
-  }
+  return in.accept(passes);
 }
 
 } // namespace vi_ekf_slam

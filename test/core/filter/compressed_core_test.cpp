@@ -27,7 +27,7 @@ class Stepped {
     const Eigen::MatrixXd PHt = P_.leftCols(size_) * H.transpose();
     const Eigen::MatrixXd S = H * PHt.topRows(size_) + R;
     const Eigen::VectorXd nu = z - H * error_.head(size_);
-    core_.correct(PHt.topRows(size_), S.llt().matrixL(), H, nu);
+    core_.correct(PHt.topRows(size_), Eigen::MatrixXd(S.llt().matrixL()), H, nu);
     const Eigen::MatrixXd K = PHt * inverseOf(S);
     P_ -= K * S * K.transpose();
     error_ += K * nu;

@@ -207,7 +207,8 @@ class Pair {
       chosen[all.size() / 2] = false;
       all.erase(all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2));
     }
-    in.keep(chosen);
+    in.putFirst(chosen);
+    in.drop();
     ASSERT_TRUE(in.factorise());
     direct_ += DirectUpdate::make(in) ? 1 : 0;
     const PointChart chart = [](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,

@@ -66,7 +66,8 @@ TEST(InnovationTest, OfThoseThatWereKeptIsThatOfThemAlone) {
       if (chosen.back()) some.push_back(z);
     }
     Innovation kept(P, all), alone(P, some);
-    kept.keep(chosen);
+    kept.putFirst(chosen);
+    kept.drop();
     ASSERT_EQ(kept.rows(), alone.rows());
     ASSERT_EQ(kept.measurements().size(), some.size());
     for (std::size_t i = 0; i < some.size(); ++i) {
@@ -81,6 +82,54 @@ TEST(InnovationTest, OfThoseThatWereKeptIsThatOfThemAlone) {
     EXPECT_NEAR(kept.nis(), alone.nis(), 1e-10);
     EXPECT_LT(distance(factorOf(kept), factorOf(alone)), 1e-11);
   }
+}
+
+TEST(InnovationTest, TakesThoseThatWaitedAsIfTheyHadBeenThere) {
+  Random random(4);
+  const Eigen::MatrixXd P = randomCovariance(random, 30, 1.0);
+  int accepted = 0;
+  for (int run = 0; run < 40; ++run) {
+    const auto all = anyMeasurements(random, 30);
+    std::vector<bool> chosen, passes;
+    std::vector<LinearMeasurement> first, waiting, second;
+    for (const LinearMeasurement& z : all) {
+      chosen.push_back(random.uniform(0.0, 1.0) < 0.6);
+      (chosen.back() ? first : waiting).push_back(z);
+    }
+    if (first.empty()) continue;
+    Innovation in(P, all), alone(P, first);
+    in.putFirst(chosen);
+    ASSERT_TRUE(in.factorise() && alone.factorise());
+    EXPECT_NEAR(in.nis(), alone.nis(), 1e-10);
+    EXPECT_LT(distance(in.error(), alone.error()), 1e-11);
+    // What the others say after the first ones have corrected the filter.
+    const Eigen::MatrixXd root = alone.PHt() * factorOf(alone).transpose().inverse();
+    const Eigen::MatrixXd corrected = P - root * root.transpose();
+    for (std::size_t i = 0; i < waiting.size(); ++i) {
+      Eigen::VectorXd residual = Eigen::VectorXd::Zero(waiting[i].rows());
+      waiting[i].addProduct(Eigen::MatrixXd(alone.error()), residual);
+      LinearMeasurement left(SmallVector(waiting[i].residual() - residual), waiting[i].noise());
+      for (const auto& term : waiting[i]) left.by(term.column, term.H);
+      EXPECT_NEAR(in.nisOf(first.size() + i), Innovation(corrected, {left}).nisOf(0), 1e-8);
+      passes.push_back(random.uniform(0.0, 1.0) < 0.5);
+      if (passes.back()) second.push_back(waiting[i]);
+    }
+    ASSERT_TRUE(in.accept(passes));
+    accepted += static_cast<int>(second.size());
+    std::vector<LinearMeasurement> both = first;
+    both.insert(both.end(), second.begin(), second.end());
+    Innovation together(P, both);
+    ASSERT_TRUE(together.factorise());
+    ASSERT_EQ(in.measurements().size(), both.size());
+    EXPECT_LT(distance(in.PHt(), together.PHt()), 1e-13);
+    EXPECT_LT(distance(in.error(), together.error()), 1e-11);
+    EXPECT_LT(distance(in.residual(), together.residual()), 1e-15);
+    EXPECT_NEAR(in.nis(), together.nis(), 1e-10);
+    EXPECT_LT(distance(factorOf(in), factorOf(together)), 1e-11);
+    for (Eigen::Index row = 0; row < in.rows(); ++row)
+      EXPECT_NEAR(in.variance(row), together.variance(row), 1e-12);
+  }
+  EXPECT_GT(accepted, 20);
 }
 
 TEST(InnovationTest, CannotBeUsedWhereItIsNotOne) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "../covariances.hpp"
@@ -58,9 +59,9 @@ struct View {
   FrameOutcome apply(const FrameUpdate::Options& options, const StereoFrame& frame) {
     std::vector<std::size_t> all(frame.features.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
-    const Associations seen = associate(filter, map, model, frame, all);
+    Associations seen = associate(filter, map, model, frame, all);
     EXPECT_EQ(seen.known.size(), frame.features.size());
-    return FrameUpdate(options, model, motion).apply(filter, map, frame, seen.known);
+    return FrameUpdate(options, model, motion).apply(filter, std::move(seen.measurements));
   }
 
   ConstantTwist motion;

@@ -27,8 +27,8 @@ class CompressedCore {
     Phi_.middleRows(row, F.rows()) = (F * Phi_).eval();
   }
   /// They are corrected by a measurement H x of residual nu: P H^T (c x r), the factor L of S, H and nu.
-  void correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& L, const Eigen::MatrixXd& H,
-               const Eigen::VectorXd& nu);
+  void correct(const Eigen::Ref<const Eigen::MatrixXd>& PHt, const Eigen::Ref<const Eigen::MatrixXd>& L,
+               const Eigen::MatrixXd& H, const Eigen::VectorXd& nu);
 
   const Eigen::MatrixXd& Phi() const { return Phi_; }
   Eigen::MatrixXd& Phi() { return Phi_; }

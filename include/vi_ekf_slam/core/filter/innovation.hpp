@@ -8,46 +8,60 @@
 
 namespace vi_ekf_slam {
 
-/// Measurements that may correct a filter together: P H^T, S = H P H^T + R, and what comes of them. To be made
-/// and used between two changes of the filter.
+/// Measurements that may correct a filter together: P H^T, S = H P H^T + R, and what comes of them. To be
+/// made and used between two changes of the filter.
 class Innovation {
  public:
   /// `P`: the covariance of the errors that the measurements' terms speak of.
   Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P, std::vector<LinearMeasurement> measurements);
 
   const std::vector<LinearMeasurement>& measurements() const { return measurements_; }
-  Eigen::Index rows() const { return first_.back(); }
-  /// The first row of measurement i; of i = count, rows().
+  /// Of those that take part: all, until putFirst.
+  Eigen::Index rows() const { return first_[used_]; }
+  /// The first row of measurement i; of i = count, the number of all.
   Eigen::Index rowOf(std::size_t i) const { return first_[i]; }
   /// The block of S of measurements i >= j. Until factorise.
   auto S(std::size_t i, std::size_t j) const {
     return S_.block(first_[i], first_[j], first_[i + 1] - first_[i], first_[j + 1] - first_[j]);
   }
   /// Of measurement i alone: residual^T S_ii^-1 residual; not a number where S_ii is not positive definite.
+  /// After factorise for those that wait, with residual and S_ii given all that take part.
   double nisOf(std::size_t i) const;
 
-  /// Leaves the chosen ones alone, in their order.
-  void keep(const std::vector<bool>& chosen);
+  /// The chosen ones take part, the others wait behind them; each in their order.
+  void putFirst(const std::vector<bool>& chosen);
+  /// Those that wait are forgotten.
+  void drop();
 
   /// Factorises S. False where that is not positive definite, or something is not finite: it cannot be used.
   bool factorise();
+  /// After factorise: of those that wait, which are `passes.size()`, the chosen ones take part too, the
+  /// others are forgotten. False as above.
+  bool accept(const std::vector<bool>& passes);
 
   // After factorise:
   /// Normalised innovation squared of all: residual^T S^-1 residual.
   double nis() const { return nis_; }
   /// What the errors are expected to be: P H^T S^-1 residual.
   const Eigen::VectorXd& error() const { return error_; }
-  const Eigen::MatrixXd& PHt() const { return PHt_; }
+  Eigen::MatrixXd PHt() const;
+  /// Of these rows of P H^T alone.
+  Eigen::MatrixXd PHt(const std::vector<Eigen::Index>& chosen) const;
+  /// H P H^T + R on the diagonal.
+  double variance(Eigen::Index row) const { return variance_[row]; }
   /// Lower triangular, S = L L^T; above it is nothing to be read.
-  const Eigen::MatrixXd& L() const { return S_; }
-  const Eigen::VectorXd& residual() const { return residual_; }
+  auto L() const { return S_.topLeftCorner(rows(), rows()); }
+  auto residual() const { return residual_.head(rows()); }
 
  private:
   void stack();
+  void solve();
 
   std::vector<LinearMeasurement> measurements_;
-  std::vector<Eigen::Index> first_;
-  Eigen::VectorXd residual_, error_;
+  std::size_t used_ = 0;                     ///< the first so many take part
+  std::vector<Eigen::Index> first_, column_; ///< column: of each row in PHt, which nothing is moved in
+  Eigen::VectorXd residual_, error_,
+      variance_;            ///< residual: of those that wait, once factorised, given the others
   Eigen::MatrixXd PHt_, S_; ///< of S the lower triangle, by blocks
   double nis_ = 0.0;
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <utility>
@@ -18,8 +19,8 @@ struct LinearFunction {
   bool isNone() const { return J.size() == 0; }
 };
 
-/// A measurement of r rows, 1 to 6, linearised at the means: residual = z - h(x^) = sum of H_k e_k + n, with n
-/// of covariance `noise` (r x r), independent of all else. e_k are the errors of up to three variables, or
+/// A measurement of r rows, 1 to 6, linearised at the means: residual = z - h(x^) = sum of H_k e_k + n, with
+/// n of covariance `noise` (r x r), independent of all else. e_k are the errors of up to three variables, or
 /// parts of them.
 class LinearMeasurement {
  public:
@@ -30,6 +31,16 @@ class LinearMeasurement {
 
   LinearMeasurement(SmallVector residual, SmallMatrix noise)
       : residual_(std::move(residual)), noise_(std::move(noise)) {}
+
+  // Of the terms only those that there are.
+  LinearMeasurement(const LinearMeasurement& other) { *this = other; }
+  LinearMeasurement& operator=(const LinearMeasurement& other) {
+    residual_ = other.residual_;
+    noise_ = other.noise_;
+    count_ = other.count_;
+    std::copy_n(other.terms_.begin(), count_, terms_.begin());
+    return *this;
+  }
 
   LinearMeasurement& by(Eigen::Index column, const SmallMatrix& H) {
     terms_.at(count_++) = {column, H};

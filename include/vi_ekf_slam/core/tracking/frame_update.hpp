@@ -19,8 +19,9 @@ struct Association {
 
 /// The features of one frame, by what they are to the filter.
 struct Associations {
-  std::vector<Association> known;   ///< of landmarks that are before the camera
-  std::vector<std::size_t> unknown; ///< other usable features
+  std::vector<Association> known;              ///< of landmarks that are before the camera
+  std::vector<LinearMeasurement> measurements; ///< by them, one each
+  std::vector<std::size_t> unknown;            ///< other usable features
 };
 /// `usable`: indices in the frame.
 Associations associate(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
@@ -37,7 +38,8 @@ struct FrameOutcome {
   double capped_nis = 0.0; ///< of all, what is implausible counted as just plausible; 0 if skipped
 };
 
-/// Corrects the filter with one frame: consensus, plausibility of the whole, a second look at the rest.
+/// Corrects the filter with one frame: consensus, plausibility of the whole, a second look at the rest, and
+/// one update by all of them.
 class FrameUpdate {
  public:
   struct Options {
@@ -56,13 +58,12 @@ class FrameUpdate {
       : options_(options), model_(model), motion_(motion) {}
 
   /// `filter` is settled.
-  FrameOutcome apply(Filter& filter, const LandmarkMap& map, const StereoFrame& frame,
-                     const std::vector<Association>& associations) const;
+  FrameOutcome apply(Filter& filter, std::vector<LinearMeasurement> measurements) const;
 
  private:
   std::vector<bool> choose(const Innovation& in, const std::vector<double>& nis) const;
-  void reconsider(Filter& filter, const LandmarkMap& map, const StereoFrame& frame,
-                  const std::vector<Association>& associations, FrameOutcome& outcome) const;
+  bool isPossible(Innovation& in, const Filter& filter) const;
+  bool reconsider(Innovation& in, std::vector<bool>& used) const;
 
   const Options& options_;
   const StereoModel& model_;

@@ -1,0 +1,20 @@
+#pragma once
+
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
+
+namespace vi_ekf_slam {
+
+/// For the main() of a program: what is freed stays with the process. A frame's matrices are freed and asked
+/// for again ten times a second; glibc gives their pages back in between, and the kernel clears new ones: a
+/// tenth of the time of a frame.
+inline void keepFreedMemory() {
+#if defined(__GLIBC__)
+  constexpr int kLargest = 1 << 28; // bytes
+  mallopt(M_MMAP_THRESHOLD, kLargest);
+  mallopt(M_TRIM_THRESHOLD, kLargest);
+#endif
+}
+
+} // namespace vi_ekf_slam
