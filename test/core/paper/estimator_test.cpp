@@ -1,5 +1,3 @@
-#include "vi_ekf_slam/core/paper/paper_estimator.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include "reference.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/paper/paper_estimator.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {

@@ -39,9 +39,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"buffer: {max_delay_s: fast}", "buffer.max_delay_s", "fast", "a finite number"},
         BadValue{"buffer: {max_delay_s: .nan}", "buffer.max_delay_s", ".nan", "a finite number"},
         BadValue{"buffer: {max_jump_back_s: -1}", "buffer.max_jump_back_s", "-1", "> 0"},
-        BadValue{"buffer: {max_size: 1.5}", "buffer.max_size", "1.5", "a whole number"},
-        BadValue{"buffer: {max_size: 0}", "buffer.max_size", "0", ">= 1"},
-        BadValue{"buffer: {rig_wait_s: -0.1}", "buffer.rig_wait_s", "-0.1", ">= 0"},
+        BadValue{"buffer: {max_gap_s: 0}", "buffer.max_gap_s", "0", "> 0 and <= 1e+06"},
         BadValue{"buffer: 3", "robot.yaml: buffer:", "3", "a mapping"},
         BadValue{"paper: [1, 2]", "paper", "[1, 2]", "a mapping"},
         BadValue{"paper: {mode: fast}", "paper.mode", "fast", "one of dead_reckoning, mapping, slam"},
@@ -70,14 +68,13 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"invariant: {twist_density: -1}", "invariant.twist_density", "-1", ">= 0"},
         BadValue{"invariant: {prior_twist_sigma: 0}", "invariant.prior_twist_sigma", "0", "> 0"},
         BadValue{"invariant: {pixel_sigma: 0}", "invariant.pixel_sigma", "0", "> 0"},
-        BadValue{"invariant: {min_depth_m: 5, max_depth_m: 4}", "invariant.max_depth_m", "4",
-                 "greater than min_depth_m"},
-        BadValue{"invariant: {consensus: 2}", "invariant.consensus", "2", "true or false"},
+        BadValue{"invariant: {max_depth_m: 0.5}", "invariant.max_depth_m", "0.5", "> 0.5"},
         BadValue{"invariant: {gate: .nan}", "invariant.gate", ".nan", "a finite number > 0"},
         BadValue{"invariant: {divergence_window_s: -1}", "invariant.divergence_window_s", "-1", ">= 0"},
-        BadValue{"invariant: {divergence_share: 1.1}", "invariant.divergence_share", "1.1", "> 0 and <= 1"},
         BadValue{"invariant: {standstill_px: -0.1}", "invariant.standstill_px", "-0.1", ">= 0"},
         BadValue{"invariant: {scale_sigma: 0.3}", "invariant.scale_sigma", "0.3", "<= 0.2"},
+        BadValue{"studies: {consensus: 2}", "studies.consensus", "2", "true or false"},
+        BadValue{"studies: {divergence_jump_m: -1}", "studies.divergence_jump_m", "-1", ">= 0"},
         BadValue{"map: {keep: some}", "map.keep", "some", "one of none, good, all"},
         BadValue{"map: {min_track_s: -1}", "map.min_track_s", "-1", ">= 0"},
         BadValue{"map: {max_landmarks: 20001}", "map.max_landmarks", "20001", "<= 20000"},
@@ -96,7 +93,7 @@ TEST(Config, NothingAtAllMeansTheDefaults) {
 TEST(Config, EveryKeyReachesItsField) {
   const Config config = parseConfig(R"(
 estimator: paper
-buffer: {max_delay_s: 0.3, max_jump_back_s: 4, max_size: 77, rig_wait_s: 9}
+buffer: {max_delay_s: 0.3, max_jump_back_s: 4}
 paper:
   mode: mapping
   motion_noise: [1, 2, 3, 4, 5, 6]
@@ -112,8 +109,6 @@ paper:
   EXPECT_EQ(config.estimator, EstimatorType::kPaper);
   EXPECT_EQ(config.buffer.max_delay_s, 0.3);
   EXPECT_EQ(config.buffer.max_jump_back_s, 4.0);
-  EXPECT_EQ(config.buffer.max_size, 77U);
-  EXPECT_EQ(config.rig_wait_s, 9.0);
   EXPECT_EQ(config.paper.mode, PaperMode::kMapping);
   Vector6d W;
   W << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;
@@ -127,63 +122,15 @@ paper:
   EXPECT_EQ(config.paper.max_depth_m, 99.0);
 }
 
-TEST(Config, EveryKeyOfTheInvariantFilterReachesItsField) {
-  const InvariantConfig c = parseConfig(R"(
-invariant:
-  twist_density: [1, 2, 3, 4, 5, 6]
-  bias_density: 0.1
-  prior_twist_sigma: 0.2
-  prior_bias_sigma: 0.3
-  velocity_sigma: 0.4
-  gyro_sigma: 0.5
-  pixel_sigma: 0.6
-  min_disparity: 0.7
-  max_row_offset: 0.8
-  min_depth_m: 0.9
-  max_depth_m: 10
-  consensus: false
-  consensus_px: 11
-  gate: 12
-  frame_gate: 13
-  plausible_gate: 14
-  motion_gate: 15
-  divergence_window_s: 16
-  divergence_nis: 17
-  divergence_share: 0.18
-  divergence_jump_m: 19
-  standstill_px: 20
-  scale_sigma: 0.121
-map: {keep: all, min_track_s: 22, max_landmarks: 23, recognise_places: true}
-)",
-                                        "robot.yaml")
-                                .invariant;
-  EXPECT_EQ(c.motion.twist_density, (Vector6d() << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0).finished());
-  EXPECT_EQ(c.motion.bias_density, Vector6d::Constant(0.1));
-  EXPECT_EQ(c.motion.prior_twist_sigma, Vector6d::Constant(0.2));
-  EXPECT_EQ(c.motion.prior_bias_sigma, Vector6d::Constant(0.3));
-  EXPECT_EQ(c.motion.velocity_sigma, 0.4);
-  EXPECT_EQ(c.motion.gyro_sigma, 0.5);
-  EXPECT_EQ(c.stereo.pixel_sigma, 0.6);
-  EXPECT_EQ(c.stereo.min_disparity, 0.7);
-  EXPECT_EQ(c.stereo.max_row_offset, 0.8);
-  EXPECT_EQ(c.stereo.min_depth_m, 0.9);
-  EXPECT_EQ(c.stereo.max_depth_m, 10.0);
+TEST(Config, StudiesMaySwitchOffWhatNoVehicleAsksFor) {
+  const InvariantConfig c =
+      parseConfig("studies: {consensus: false, plausible_gate: 14, motion_gate: 15, divergence_jump_m: 0}",
+                  "x")
+          .invariant;
   EXPECT_FALSE(c.update.consensus);
-  EXPECT_EQ(c.update.consensus_px, 11.0);
-  EXPECT_EQ(c.update.gate, 12.0);
-  EXPECT_EQ(c.update.frame_gate, 13.0);
   EXPECT_EQ(c.update.plausible_gate, 14.0);
   EXPECT_EQ(c.update.motion_gate, 15.0);
-  EXPECT_EQ(c.recovery.monitor.window_s, 16.0);
-  EXPECT_EQ(c.recovery.monitor.nis, 17.0);
-  EXPECT_EQ(c.recovery.monitor.refused_share, 0.18);
-  EXPECT_EQ(c.recovery.jump_m, 19.0);
-  EXPECT_EQ(c.standstill_px, 20.0);
-  EXPECT_EQ(c.scale_sigma, 0.121);
-  EXPECT_EQ(c.map.keep, MapKeep::kAll);
-  EXPECT_EQ(c.map.min_track_s, 22.0);
-  EXPECT_EQ(c.map.max_landmarks, 23U);
-  EXPECT_TRUE(c.recognise_places);
+  EXPECT_EQ(c.recovery.jump_m, 0.0);
 }
 
 TEST(Config, NumbersMayBeWrittenAsPythonWritesThem) {
@@ -192,7 +139,7 @@ TEST(Config, NumbersMayBeWrittenAsPythonWritesThem) {
   EXPECT_EQ(parseConfig("paper: {pixel_noise: '5e9'}", "x").paper.pixel_noise, 5e9);
   EXPECT_EQ(parseConfig("paper: {pixel_noise: 5.0e+09}", "x").paper.pixel_noise, 5e9);
   EXPECT_EQ(parseConfig("paper: {motion_noise: 1e-4}", "x").paper.motion_noise, Vector6d::Constant(1e-4));
-  EXPECT_EQ(parseConfig("buffer: {max_size: 1e3}", "x").buffer.max_size, 1000U);
+  EXPECT_EQ(parseConfig("map: {max_landmarks: 1e3}", "x").invariant.map.max_landmarks, 1000U);
 }
 
 } // namespace
