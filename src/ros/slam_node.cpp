@@ -55,6 +55,7 @@ SlamNode::~SlamNode() { finish(); }
 void SlamNode::connectSystem() {
   system_.onGyro([this](const Output& output) { handleOutput(output, false); });
   system_.onFrame([this](const Output& output) { handleOutput(output, true); });
+  system_.onNoise([](const StreamNoise& noise) { ROS_INFO_STREAM("noise: " << toText(noise)); });
   system_.onReset([this](const std::string& reason) { handleReset(reason); });
 }
 

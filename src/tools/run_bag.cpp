@@ -67,6 +67,9 @@ int run(const RunBagOptions& options) {
     writer.addFrame(output);
   });
   system.onGyro([&writer](const Output& output) { writer.addGyro(output); });
+  system.onNoise([&options](const StreamNoise& noise) {
+    if (!options.quiet) std::cout << "noise: " << toText(noise) << std::endl;
+  });
   system.onReset([&writer](const std::string& reason) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
     writer.restart();
@@ -91,7 +94,8 @@ int run(const RunBagOptions& options) {
 
   const auto landmarks = system.estimator().exactLandmarks();
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  const RunSummary summary{options.bag, options.config, wall.count(), system.counts(), intake.turnedAway()};
+  const RunSummary summary{
+      options.bag, options.config, wall.count(), system.counts(), intake.turnedAway(), system.noise().streams()};
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());

@@ -144,6 +144,8 @@ class Live(unittest.TestCase):
         self.assertEqual(["x", "y", "z", "sigma", "id", "id_high"], [field.name for field in cloud.fields])
         names = {status.name.split(": ")[-1] for m in self.heard["/diagnostics"] for status in m.status}
         self.assertTrue({"inputs", "calibration", "estimator", "dropped"} <= names, names)
+        keys = {value.key for m in self.heard["/diagnostics"] for status in m.status for value in status.values}
+        self.assertTrue({"noise of gyro", "noise of velocity", "noise of pixels"} <= keys, keys)
 
     def test_6_save_map(self):
         """One line a landmark."""

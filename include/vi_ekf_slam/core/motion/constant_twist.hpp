@@ -13,14 +13,14 @@ class ConstantTwist : public MotionModel {
   struct Options {
     /// m/s^1.5 and rad/s^1.5: how hard the body can accelerate. A car's, with room for the rare bump: between
     /// the RMS (0.1 to 0.3, 0.03 to 0.07, 0.04 to 0.14; 0.03 to 0.07, 0.03 to 0.1, 0.01 to 0.03) and the 99 %
-    /// quantile (0.2 to 0.7, 0.1 to 0.2, 0.1 to 0.4; 0.1 to 0.25, 0.1 to 0.26, 0.02 to 0.1) of the increments of
-    /// what an INS measured on six short drives.
+    /// quantile (0.2 to 0.7, 0.1 to 0.2, 0.1 to 0.4; 0.1 to 0.25, 0.1 to 0.26, 0.02 to 0.1) of the increments
+    /// of what an INS measured on six short drives.
     Vector6d twist_density = (Vector6d() << 0.5, 0.08, 0.08, 0.1, 0.15, 0.1).finished();
     Vector6d bias_density = Vector6d::Zero(); ///< m/s^1.5 and rad/s^1.5: random walk of the biases
     Vector6d prior_twist_sigma = (Vector6d() << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5).finished();
     Vector6d prior_bias_sigma = (Vector6d() << 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01).finished();
-    double velocity_sigma = 0.5; ///< m/s, of a sample without a covariance
-    double gyro_sigma = 0.05;    ///< rad/s, of a sample without a covariance
+    double velocity_sigma = 0.1; ///< m/s, of a sample without a covariance: wheel odometry's
+    double gyro_sigma = 0.01;    ///< rad/s, of a sample without a covariance: a MEMS gyro's
   };
 
   explicit ConstantTwist(const Options& options) : options_(options) {}
