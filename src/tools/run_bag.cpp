@@ -50,7 +50,7 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
 }
 
 int run(const RunBagOptions& options) {
-  const FullConfig config = loadFullConfig(options.config);
+  const FullConfig config = options.config.empty() ? FullConfig() : loadFullConfig(options.config);
   BagInput input(options.bag, options.topics);
   RunWriter::makeDirectory(options.output);
   SlamSystem system(config.core);
@@ -94,8 +94,9 @@ int run(const RunBagOptions& options) {
 
   const auto landmarks = system.estimator().exactLandmarks();
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  const std::string source = options.config.empty() ? "built-in defaults" : options.config;
   const RunSummary summary{
-      options.bag, options.config, wall.count(), system.counts(), intake.turnedAway(), system.noise().streams()};
+      options.bag, source, wall.count(), system.counts(), intake.turnedAway(), system.noise().streams()};
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());
