@@ -96,6 +96,8 @@ void Diagnostics::estimator(Status& status) {
   status.summary(DiagnosticStatus::OK, "running");
   status.addf("lag behind newest input (s of sensor time)", "%.3f",
               secondsBetween(newest_output_, newest_input_));
+  for (const StreamNoise& noise : system_.noise().streams())
+    status.add("noise of " + noise.stream, toText(noise));
   if (!last_frame_) return;
   const FrameReport& r = last_frame_->report;
   status.add("features", r.features);

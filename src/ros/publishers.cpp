@@ -7,20 +7,24 @@
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 namespace vi_ekf_slam {
+namespace {
+
+constexpr std::uint32_t kQueue = 10; // messages held for a listener; one that is slower wants the newest
+
+} // namespace
 
 Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_back_s,
                        LandmarkSource landmarks)
     : nh_(std::move(nh)),
       config_(config),
-      style_{config.map_frame, config.landmark_size_m, config.landmark_sigma_red_m},
+      style_{config.map_frame},
       landmarks_(std::move(landmarks)),
       transforms_(config, max_jump_back_s),
       path_(makePath("path")),
       dead_reckoning_path_(makePath("dead_reckoning/path")),
       map_pacer_(config.landmark_period_s, config.max_bandwidth_bytes_s) {
-  const auto queue = static_cast<std::uint32_t>(config.output_queue_size);
-  odometry_pub_ = nh_.advertise<nav_msgs::Odometry>("odometry", queue);
-  pose_pub_ = nh_.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", queue);
+  odometry_pub_ = nh_.advertise<nav_msgs::Odometry>("odometry", kQueue);
+  pose_pub_ = nh_.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", kQueue);
   markers_pub_ = advertiseLatched<visualization_msgs::MarkerArray>("landmarks");
   cloud_pub_ = advertiseLatched<sensor_msgs::PointCloud2>("landmark_cloud");
 }
@@ -29,13 +33,12 @@ Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_j
 template <typename Message>
 ros::Publisher Publishers::advertiseLatched(const std::string& topic) {
   return nh_.advertise<Message>(
-      topic, static_cast<std::uint32_t>(config_.output_queue_size),
-      [this](const ros::SingleSubscriberPublisher& /*listener*/) { listener_came_ = true; },
+      topic, kQueue, [this](const ros::SingleSubscriberPublisher& /*listener*/) { listener_came_ = true; },
       ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
 }
 
 Publishers::PathOutput Publishers::makePath(const std::string& topic) {
-  return {PathRecorder(config_.map_frame, config_.path_max_points, config_.path_min_distance_m),
+  return {PathRecorder(config_.map_frame, config_.path_max_points),
           Pacer(config_.path_period_s, config_.max_bandwidth_bytes_s),
           advertiseLatched<nav_msgs::Path>(topic),
           false,

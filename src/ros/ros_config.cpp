@@ -21,16 +21,11 @@ RosConfig readRos(YamlSection section) {
   section.read("publish_odom_tf", c.publish_odom_tf);
   section.read("single_tf", c.single_tf);
   section.read("path_max_points", Range::closed(2.0, 1e6), c.path_max_points);
-  section.read("path_min_distance_m", Range::closed(0.0, 1e6), c.path_min_distance_m);
   section.read("path_period_s", Range::closed(0.0, 3600.0), c.path_period_s);
   section.read("max_bandwidth_bytes_s", Range::closed(1e3, 1e12), c.max_bandwidth_bytes_s);
   section.read("landmark_period_s", Range::closed(0.0, 3600.0), c.landmark_period_s);
-  section.read("landmark_size_m", Range::halfOpen(0.0, 1000.0), c.landmark_size_m);
-  section.read("landmark_sigma_red_m", Range::positive(), c.landmark_sigma_red_m);
   section.read("max_features", Range::closed(1.0, 1e5), c.max_features);
   section.read("max_latency_s", Range::closed(0.0, 60.0), c.max_latency_s);
-  section.read("input_queue_size", Range::closed(1.0, 1e6), c.input_queue_size);
-  section.read("output_queue_size", Range::closed(1.0, 1e6), c.output_queue_size);
   if (c.map_frame == c.odom_frame) section.fail("odom_frame", c.odom_frame, "different from map_frame");
   if (c.imu_frame == c.map_frame || c.imu_frame == c.odom_frame) {
     section.fail("imu_frame", c.imu_frame, "different from map_frame and odom_frame");

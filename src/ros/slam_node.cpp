@@ -5,10 +5,11 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
-constexpr double kIdlePeriod = 0.05;   // s that the worker waits for a message
-constexpr int kPause = 4;              // such waits in vain, from which on paths are sent whole
-constexpr double kDrainLimit = 8.0;    // s; roslaunch waits 15 s between SIGINT and SIGTERM
+constexpr double kWarningPeriod = 5.0;       // s of wall time between warnings
+constexpr double kIdlePeriod = 0.05;         // s that the worker waits for a message
+constexpr int kPause = 4;                    // such waits in vain, from which on paths are sent whole
+constexpr double kDrainLimit = 8.0;          // s; roslaunch waits 15 s between SIGINT and SIGTERM
+constexpr std::uint32_t kInputQueue = 10000; // messages an input; deep, so that a busy machine loses nothing
 
 } // namespace
 
@@ -37,7 +38,7 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
                   [this] { return system_.estimator().landmarks(); }),
       diagnostics_(nh_, private_nh_, {system_, intake_, queue_, load_}),
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
-      queue_({settings_.config.ros.max_latency_s, 3 * settings_.config.ros.input_queue_size}) {
+      queue_({settings_.config.ros.max_latency_s, 3 * kInputQueue}) {
   connectSystem();
   maps_.begin(system_);
   subscribe();
@@ -54,19 +55,19 @@ SlamNode::~SlamNode() { finish(); }
 void SlamNode::connectSystem() {
   system_.onGyro([this](const Output& output) { handleOutput(output, false); });
   system_.onFrame([this](const Output& output) { handleOutput(output, true); });
+  system_.onNoise([](const StreamNoise& noise) { ROS_INFO_STREAM("noise: " << toText(noise)); });
   system_.onReset([this](const std::string& reason) { handleReset(reason); });
 }
 
 template <typename Message>
 void SlamNode::listen(const std::string& topic, std::function<void(const Message&)> process,
                       std::optional<Stream> stream, const std::atomic<bool>* wanted) {
-  const auto queue = static_cast<std::uint32_t>(settings_.config.ros.input_queue_size);
   const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
       [this, process, stream, wanted](const boost::shared_ptr<const Message>& message) {
         if (wanted != nullptr && !*wanted) return;
         queue_.push([process, message] { process(*message); }, stream);
       };
-  subscribers_.push_back(nh_.subscribe<Message>(topic, queue, callback, ros::VoidConstPtr(),
+  subscribers_.push_back(nh_.subscribe<Message>(topic, kInputQueue, callback, ros::VoidConstPtr(),
                                                 ros::TransportHints().tcpNoDelay()));
 }
 

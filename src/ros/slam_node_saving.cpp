@@ -50,7 +50,12 @@ void SlamNode::save(const RunWriter& writer, const std::string& directory, const
 }
 
 RunSummary SlamNode::summary() const {
-  return {"topics", settings_.source, secondsSince(start_), system_.counts(), diagnostics_.allTurnedAway()};
+  return {"topics",
+          settings_.source,
+          secondsSince(start_),
+          system_.counts(),
+          diagnostics_.allTurnedAway(),
+          system_.noise().streams()};
 }
 
 /// What `snapshot` returns writes, in this thread: neither the computing nor the disk keeps the worker

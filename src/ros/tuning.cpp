@@ -7,9 +7,8 @@
 namespace vi_ekf_slam {
 namespace {
 
-std::array<double, 7> numbersOf(const TuningConfig& t) {
-  return {t.path_period_s,  t.landmark_period_s, t.max_bandwidth_bytes_s, t.gate, t.frame_gate,
-          t.plausible_gate, t.motion_gate};
+std::array<double, 5> numbersOf(const TuningConfig& t) {
+  return {t.path_period_s, t.landmark_period_s, t.max_bandwidth_bytes_s, t.gate, t.frame_gate};
 }
 
 TuningConfig tuningOf(const FullConfig& config) {
@@ -20,16 +19,12 @@ TuningConfig tuningOf(const FullConfig& config) {
   const Gates gates = gatesOf(config.core.invariant);
   tuning.gate = gates.gate;
   tuning.frame_gate = gates.frame_gate;
-  tuning.plausible_gate = gates.plausible_gate;
-  tuning.motion_gate = gates.motion_gate;
   return tuning;
 }
 
 } // namespace
 
-Gates gatesOf(const TuningConfig& tuning) {
-  return {tuning.gate, tuning.frame_gate, tuning.plausible_gate, tuning.motion_gate};
-}
+Gates gatesOf(const TuningConfig& tuning) { return {tuning.gate, tuning.frame_gate}; }
 
 Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
                std::function<bool(const TuningConfig&)> apply)
@@ -43,7 +38,7 @@ Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
 
 /// `wanted` is within its limits, unless it is not a number; what it is afterwards is what the clients see.
 void Tuning::change(TuningConfig& wanted) {
-  const std::array<double, 7> numbers = numbersOf(wanted);
+  const auto numbers = numbersOf(wanted);
   if (numbers == numbersOf(current_)) return;
   for (const double number : numbers) {
     if (std::isfinite(number)) continue;

@@ -51,7 +51,7 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
 }
 
 int run(const RunBagOptions& options) {
-  const FullConfig config = loadFullConfig(options.config);
+  const FullConfig config = options.config.empty() ? FullConfig() : loadFullConfig(options.config);
   BagInput input(options.bag, options.topics);
   RunWriter::makeDirectory(options.output);
   SlamSystem system(config.core);
@@ -68,6 +68,9 @@ int run(const RunBagOptions& options) {
     writer.addFrame(output);
   });
   system.onGyro([&writer](const Output& output) { writer.addGyro(output); });
+  system.onNoise([&options](const StreamNoise& noise) {
+    if (!options.quiet) std::cout << "noise: " << toText(noise) << std::endl;
+  });
   system.onReset([&writer](const std::string& reason) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
     writer.restart();
@@ -92,7 +95,9 @@ int run(const RunBagOptions& options) {
 
   const auto landmarks = system.estimator().exactLandmarks();
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  const RunSummary summary{options.bag, options.config, wall.count(), system.counts(), intake.turnedAway()};
+  const std::string source = options.config.empty() ? "built-in defaults" : options.config;
+  const RunSummary summary{
+      options.bag, source, wall.count(), system.counts(), intake.turnedAway(), system.noise().streams()};
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());

@@ -5,13 +5,14 @@
 namespace vi_ekf_slam {
 
 const char* const kRunBagHelp =
-    R"(Usage: run_bag IN.bag --config FILE.yaml --output DIR [options]
+    R"(Usage: run_bag IN.bag --output DIR [options]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
 needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
 
-  --config FILE        configuration, the same YAML file that the node takes
   --output DIR         where the results go; files of the same names are replaced
+  --config FILE        configuration, the same YAML file that the node takes; without it that of config/default.yaml,
+                       which is built in
   --imu TOPIC          sensor_msgs/Imu                                [/imu]
   --velocity TOPIC     geometry_msgs/TwistWithCovarianceStamped       [/velocity]
   --twist-bias TOPIC   the same: what is known of the sensors' biases [/twist_bias]
@@ -46,7 +47,6 @@ void makeAbsolute(InputTopics& topics, const std::string& prefix) {
 
 void requireAll(const RunBagOptions& options) {
   if (options.bag.empty()) throw UsageError("no bag given");
-  if (options.config.empty()) throw UsageError("--config is missing");
   if (options.output.empty()) throw UsageError("--output is missing");
 }
 

@@ -15,7 +15,7 @@ class UsageError : public std::runtime_error {
 
 struct RunBagOptions {
   std::string bag;
-  std::string config;
+  std::string config; ///< empty: the built-in defaults
   std::string output;
   std::string load_map;  ///< empty: none
   bool save_map = false; ///< DIR/map.bag too

@@ -45,7 +45,7 @@ TEST(RosConfig, names_file_key_and_value_of_what_is_wrong) {
            {"ros: {path_max_points: 2.5}", "path_max_points", "2.5"},
            {"ros: {landmark_period_s: -1}", "landmark_period_s", "-1"},
            {"ros: {publish_tf: maybe}", "publish_tf", "maybe"},
-           {"ros: {input_queue_size: 0}", "input_queue_size", "0"},
+           {"ros: {max_latency_s: 61}", "max_latency_s", "61"},
        }) {
     const std::string error = errorOf(yaml);
     EXPECT_TRUE(has(error, "file.yaml") && has(error, key) && has(error, value)) << yaml << " -> " << error;

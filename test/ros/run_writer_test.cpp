@@ -128,6 +128,7 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   summary.counts.divergences = {0, 1, 2, 3, 4};
   summary.counts.blind_s = 2.5;
   summary.turned_away["imu: wrong frame"] = 4;
+  summary.noise = {{"gyro", 0.05, "rad/s", "from its messages"}, {"pixels", 1.15, "px", "a \"key\": so"}};
   writer_.writeSummary(directory_, summary, 1);
   const YAML::Node node = YAML::LoadFile(directory_ + "/summary.yaml");
   EXPECT_EQ(summary.input, node["input"].as<std::string>());
@@ -138,6 +139,10 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   EXPECT_DOUBLE_EQ(2.5, node["blind_s"].as<double>());
   EXPECT_EQ(4, node["turned_away"]["imu: wrong frame"].as<int>());
   EXPECT_DOUBLE_EQ(2.0, node["times_real_time"].as<double>());
+  EXPECT_EQ(2U, node["noise"].size());
+  EXPECT_EQ(0.05, node["noise"]["gyro"]["value"].as<double>());
+  EXPECT_EQ("rad/s", node["noise"]["gyro"]["unit"].as<std::string>());
+  EXPECT_EQ("a \"key\": so", node["noise"]["pixels"]["source"].as<std::string>());
 }
 
 TEST_F(RunWriterFiles, leaves_no_temporary_files_and_names_a_folder_it_cannot_make) {

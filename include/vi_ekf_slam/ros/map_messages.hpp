@@ -16,7 +16,7 @@ constexpr std::size_t kMaxPointsPerMarker = 16384;
 /// How landmarks look in rviz.
 struct MarkerStyle {
   std::string frame;        ///< of the positions
-  double size_m = 0.2;      ///< m
+  double size_m = 0.2;      ///< m, edge of its square
   double sigma_red_m = 1.0; ///< m, standard deviation from which a landmark is red; 0 is green
 };
 

@@ -13,8 +13,9 @@ namespace vi_ekf_slam {
 /// doubled) when there are too many, so that the whole path stays visible.
 class PathRecorder {
  public:
-  /// `frame`: the path's header.frame_id; `min_distance_m` in m.
-  PathRecorder(std::string frame, std::size_t max_points, double min_distance_m);
+  /// `frame`: the path's header.frame_id; `min_distance_m` in m: more points than a decimetre's a screen does
+  /// not show.
+  PathRecorder(std::string frame, std::size_t max_points, double min_distance_m = 0.1);
 
   /// Whether the pose became a point.
   bool add(Stamp stamp, const SE3& pose);

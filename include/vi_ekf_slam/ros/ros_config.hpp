@@ -16,16 +16,11 @@ struct RosConfig {
   bool publish_odom_tf = true;              ///< odom -> imu (dead reckoning) beside map -> odom
   bool single_tf = false;                   ///< map -> imu directly instead of the two
   std::size_t path_max_points = 10000;      ///< a longer path is thinned to every second point
-  double path_min_distance_m = 0.1;         ///< m between the points of a path
   double path_period_s = 0.5;               ///< s of sensor time between publications of a path
   double max_bandwidth_bytes_s = 1000000.0; ///< of each path and map topic; large ones are sent more rarely
-  double landmark_period_s = 1.0;       ///< s of sensor time between publications of the map; 0: every frame
-  double landmark_size_m = 0.2;         ///< m, edge of a landmark in rviz
-  double landmark_sigma_red_m = 1.0;    ///< m, standard deviation from which a landmark is drawn red
-  std::size_t max_features = 400;       ///< taken of one message; an update's cost grows with their cube
-  double max_latency_s = 0.3;           ///< s of wall time that a frame may wait; 0: nothing is shed
-  std::size_t input_queue_size = 10000; ///< messages an input
-  std::size_t output_queue_size = 10;   ///< messages an output
+  double landmark_period_s = 1.0; ///< s of sensor time between publications of the map; 0: every frame
+  std::size_t max_features = 400; ///< taken of one message; an update's cost grows with their cube
+  double max_latency_s = 0.3;     ///< s of wall time that a frame may wait; 0: nothing is shed
 };
 
 /// Names of the top-level sections that are not the core's.

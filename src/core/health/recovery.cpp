@@ -74,7 +74,7 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
   const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, associations.size(), used,
                                               outcome.skipped, outcome.capped_nis,
                                               outcome.skipped ? 0 : 3 * associations.size()});
-  const bool may_be_jump = options_.jump_m > 0.0 && has_frame_ &&
+  const bool may_be_jump = options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_frame_ &&
                            static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
   const auto motion = commonMotion(displacedPoints(filter, map, model, frame, associations));

@@ -1,28 +1,18 @@
 #include "vi_ekf_slam/core/run/config.hpp"
 
-#include <sstream>
+#include <string>
 
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
-void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer, double& rig_wait_s) {
+void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer) {
   section.read("max_delay_s", Range::halfOpen(0.0, 60.0), buffer.max_delay_s);
   section.read("max_jump_back_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_back_s);
   section.read("max_jump_ahead_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_ahead_s);
   section.read("max_gap_s", Range::halfOpen(0.0, 1e6), buffer.max_gap_s);
-  section.read("jump_confirmations", Range::closed(1.0, 1000.0), buffer.jump_confirmations);
-  section.read("max_size", Range::closed(1.0, 1e9), buffer.max_size);
-  section.read("rig_wait_s", Range::closed(0.0, 3600.0), rig_wait_s);
   section.finish();
-}
-
-void checkDepths(const YamlSection& section, double min_depth_m, double max_depth_m) {
-  if (max_depth_m > min_depth_m) return;
-  std::ostringstream value;
-  value << max_depth_m;
-  section.fail("max_depth_m", value.str(), "greater than min_depth_m");
 }
 
 void readPaper(YamlSection section, PaperConfig& paper) {
@@ -39,7 +29,8 @@ void readPaper(YamlSection section, PaperConfig& paper) {
   section.read("landmark_fraction", Range::halfOpen(0.0, 1.0), paper.landmark_fraction);
   section.read("min_depth_m", Range::positive(), paper.min_depth_m);
   section.read("max_depth_m", Range::positive(), paper.max_depth_m);
-  checkDepths(section, paper.min_depth_m, paper.max_depth_m);
+  if (!(paper.max_depth_m > paper.min_depth_m))
+    section.fail("max_depth_m", std::to_string(paper.max_depth_m), "greater than min_depth_m");
   section.finish();
 }
 
@@ -56,32 +47,20 @@ void readStereo(YamlSection& section, StereoModel::Options& stereo) {
   section.read("pixel_sigma", Range::positive(), stereo.pixel_sigma);
   section.read("min_disparity", Range::positive(), stereo.min_disparity);
   section.read("max_row_offset", Range::positive(), stereo.max_row_offset);
-  section.read("min_depth_m", Range::positive(), stereo.min_depth_m);
-  section.read("max_depth_m", Range::positive(), stereo.max_depth_m);
-  checkDepths(section, stereo.min_depth_m, stereo.max_depth_m);
+  section.read("max_depth_m", Range::halfOpen(stereo.min_depth_m, 1e6), stereo.max_depth_m);
 }
 
 void readUpdate(YamlSection& section, FrameUpdate::Options& update) {
-  section.read("consensus", update.consensus);
   section.read("consensus_px", Range::positive(), update.consensus_px);
   section.read("gate", Range::positive(), update.gate);
   section.read("frame_gate", Range::positive(), update.frame_gate);
-  section.read("plausible_gate", Range::positive(), update.plausible_gate);
-  section.read("motion_gate", Range::positive(), update.motion_gate);
-}
-
-void readRecovery(YamlSection& section, Recovery::Options& recovery) {
-  section.read("divergence_window_s", Range::closed(0.0, 3600.0), recovery.monitor.window_s);
-  section.read("divergence_nis", Range::positive(), recovery.monitor.nis);
-  section.read("divergence_share", Range::halfOpen(0.0, 1.0), recovery.monitor.refused_share);
-  section.read("divergence_jump_m", Range::closed(0.0, 1e6), recovery.jump_m);
 }
 
 void readInvariant(YamlSection section, InvariantConfig& invariant) {
   readMotion(section, invariant.motion);
   readStereo(section, invariant.stereo);
   readUpdate(section, invariant.update);
-  readRecovery(section, invariant.recovery);
+  section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.recovery.monitor.window_s);
   section.read("slip_sigma", Range::closed(0.0, 0.5), invariant.slip.sigma);
   section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);
   section.read("slip_length_m", Range::positive(), invariant.slip.length_m);
@@ -100,6 +79,15 @@ void readMap(YamlSection section, InvariantConfig& invariant) {
   section.finish();
 }
 
+/// Parts of the invariant filter that a study may switch off to see what they bring; no vehicle asks for it.
+void readStudies(YamlSection section, InvariantConfig& invariant) {
+  section.read("consensus", invariant.update.consensus);
+  section.read("plausible_gate", Range::positive(), invariant.update.plausible_gate);
+  section.read("motion_gate", Range::positive(), invariant.update.motion_gate);
+  section.read("divergence_jump_m", Range::closed(0.0, 1e6), invariant.recovery.jump_m);
+  section.finish();
+}
+
 } // namespace
 
 Config parseConfig(const std::string& yaml, const std::string& source,
@@ -109,10 +97,11 @@ Config parseConfig(const std::string& yaml, const std::string& source,
   root.readChoice<EstimatorType>("estimator",
                                  {{"invariant", EstimatorType::kInvariant}, {"paper", EstimatorType::kPaper}},
                                  config.estimator);
-  readBuffer(root.section("buffer"), config.buffer, config.rig_wait_s);
+  readBuffer(root.section("buffer"), config.buffer);
   readInvariant(root.section("invariant"), config.invariant);
   readMap(root.section("map"), config.invariant);
   readPaper(root.section("paper"), config.paper);
+  readStudies(root.section("studies"), config.invariant);
   for (const auto& section : other_sections) root.allow(section);
   root.finish();
   return config;

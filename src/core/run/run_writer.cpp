@@ -104,6 +104,15 @@ std::string divergences(const SystemCounts& counts) {
   return text + "}\n";
 }
 
+std::string noises(const std::vector<StreamNoise>& streams) {
+  std::string text = "noise: {";
+  for (const StreamNoise& noise : streams) {
+    text += (text.back() == '{' ? "" : ", ") + noise.stream + format(": {value: %.9g", noise.sigma) +
+            ", unit: " + noise.unit + ", source: " + quoted(noise.source) + "}";
+  }
+  return text + "}\n";
+}
+
 } // namespace
 
 std::string stampText(Stamp stamp) {
@@ -222,7 +231,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
     text << separator << quoted(reason) << ": " << count;
     separator = ", ";
   }
-  text << "}\n";
+  text << "}\n" << noises(summary.noise);
   AtomicFile file(pathIn(directory, kSummary));
   file << text.str();
   file.commit();

@@ -12,16 +12,11 @@ std::unique_ptr<Estimator> makeEstimator(const Config& config) {
   return std::make_unique<paper::PaperEstimator>(config.paper);
 }
 
-Gates gatesOf(const InvariantConfig& config) {
-  const FrameUpdate::Options& update = config.update;
-  return {update.gate, update.frame_gate, update.plausible_gate, update.motion_gate};
-}
+Gates gatesOf(const InvariantConfig& config) { return {config.update.gate, config.update.frame_gate}; }
 
 void setGates(InvariantConfig& config, const Gates& gates) {
   config.update.gate = gates.gate;
   config.update.frame_gate = gates.frame_gate;
-  config.update.plausible_gate = gates.plausible_gate;
-  config.update.motion_gate = gates.motion_gate;
 }
 
 } // namespace vi_ekf_slam

@@ -32,7 +32,11 @@ Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judge
 } // namespace
 
 SlamSystem::SlamSystem(const Config& config)
-    : config_(config), guard_(config.buffer), buffer_(config.buffer), estimator_(makeEstimator(config)) {}
+    : config_(config),
+      guard_(config.buffer),
+      buffer_(config.buffer),
+      estimator_(makeEstimator(config)),
+      noise_(config) {}
 
 void SlamSystem::setRig(const StereoRig& rig) {
   rig_ = rig;
@@ -149,7 +153,7 @@ void SlamSystem::reset(const std::string& reason) {
   first_stamp_.reset();
   blindness_.restart();
   ++counts_.resets;
-  if (on_reset_) on_reset_(reason);
+  if (handlers_.reset) handlers_.reset(reason);
 }
 
 void SlamSystem::requireJointMap(const std::string& source) const {
@@ -174,7 +178,15 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
   estimator_->resumeFrom(std::move(map), config_.buffer.max_gap_s);
 }
 
+/// Of what is used: features are not before the calibration is known.
+void SlamSystem::noteNoise(const Measurement& measurement) {
+  if (std::holds_alternative<StereoFrame>(measurement) && !(rig_ && needsRig())) return;
+  const auto news = noise_.note(measurement);
+  if (news && handlers_.noise) handlers_.noise(*news);
+}
+
 void SlamSystem::process(const Measurement& measurement) {
+  noteNoise(measurement);
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
   if (needsRig()) blindness_.advanceTo(stampOf(measurement));
   counts_.blind_s = blindness_.total();
@@ -182,7 +194,7 @@ void SlamSystem::process(const Measurement& measurement) {
   if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
     estimator_->process(*gyro);
     dead_reckoning_.process(*gyro);
-    if (on_gyro_) on_gyro_({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
+    if (handlers_.gyro) handlers_.gyro({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
     estimator_->process(*velocity);
     dead_reckoning_.process(*velocity);
@@ -194,7 +206,8 @@ void SlamSystem::process(const Measurement& measurement) {
     const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
     dead_reckoning_.advanceTo(frame.stamp);
     count(report);
-    if (on_frame_) on_frame_({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
+    if (handlers_.frame)
+      handlers_.frame({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
   }
 }
 

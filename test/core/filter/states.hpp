@@ -33,6 +33,8 @@ inline ConstantTwist::Options noisyMotion() {
   options.bias_density << 0.01, 0.02, 0.03, 0.004, 0.005, 0.006;
   options.prior_twist_sigma.setConstant(0.3);
   options.prior_bias_sigma.setConstant(0.02);
+  options.velocity_sigma = 0.5;
+  options.gyro_sigma = 0.05;
   return options;
 }
 

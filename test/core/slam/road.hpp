@@ -139,9 +139,11 @@ class Road {
 
 inline const Road::Noise kQuiet{}, kTypical{0.5, 0.05, 0.7};
 
-/// The default filter, told that tracks do not slip.
+/// The default filter, told that tracks do not slip and what the samples of kTypical are worth.
 inline InvariantConfig steadyTracks() {
   InvariantConfig config;
+  config.motion.velocity_sigma = kTypical.velocity;
+  config.motion.gyro_sigma = kTypical.gyro;
   config.slip.sigma = config.slip.rotation_sigma = 0.0;
   return config;
 }

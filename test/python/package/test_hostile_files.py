@@ -228,7 +228,7 @@ def test_a_message_that_announces_more_than_it_holds(bag, tmp_path, announced):
 
 @pytest.mark.parametrize("text, word", [
     ("a: " * 400000, "larger than"), ("[" * 100000, "not readable as YAML"), ("estimator: [1, 2", "not readable as YAML"),
-    ("buffer: {max_size: 1e308}", "buffer.max_size"), ("paper: {pixel_noise: .nan}", "paper.pixel_noise"),
+    ("map: {max_landmarks: 1e308}", "map.max_landmarks"), ("paper: {pixel_noise: .nan}", "paper.pixel_noise"),
     ("a: &a [*a]\nestimator: *a\n", "estimator"), ("estimator: !!python/object/apply:os.system [id]\n", "estimator"),
 ], ids=["large", "deep", "cut", "1e308", "nan", "alias of itself", "tag"])
 def test_hostile_configurations(bag, tmp_path, text, word):

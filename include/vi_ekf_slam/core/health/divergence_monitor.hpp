@@ -27,9 +27,13 @@ constexpr std::array<const char*, kDivergenceCount> kDivergenceNames = {"none", 
 class DivergenceMonitor {
  public:
   struct Options {
-    double window_s = 2.0;      ///< s; 0: never judges
-    double nis = 4.0;           ///< mean NIS per degree of freedom beyond which the estimate has diverged
-    double refused_share = 0.8; ///< of the frames of the window; so much or more of them is a divergence
+    double window_s = 2.0; ///< s; 0: never judges
+    /// Mean NIS per degree of freedom beyond which the estimate has diverged: innovations twice as large as
+    /// their covariance says.
+    double nis = 4.0;
+    /// Of the frames of the window; so much or more of them is a divergence: a lorry that fills the view
+    /// spoils many.
+    double refused_share = 0.8;
   };
 
   /// What a frame said about the estimate.

@@ -19,7 +19,7 @@ class Recovery {
   struct Options {
     DivergenceMonitor::Options monitor;
     /// By which the static world is displaced from one frame to the next, beyond what the vehicle drives, m;
-    /// 0: not looked for.
+    /// a smaller displacement is left to the monitor. 0, or a window of 0: not looked for.
     double jump_m = 10.0;
   };
 

@@ -19,8 +19,8 @@ class ConstantTwist : public MotionModel {
     Vector6d bias_density = Vector6d::Zero(); ///< m/s^1.5 and rad/s^1.5: random walk of the biases
     Vector6d prior_twist_sigma = (Vector6d() << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5).finished();
     Vector6d prior_bias_sigma = (Vector6d() << 1e-3, 1e-3, 1e-3, 0.01, 0.01, 0.01).finished();
-    double velocity_sigma = 0.5; ///< m/s, of a sample without a covariance
-    double gyro_sigma = 0.05;    ///< rad/s, of a sample without a covariance
+    double velocity_sigma = 0.1; ///< m/s, of a sample without a covariance: wheel odometry's
+    double gyro_sigma = 0.01;    ///< rad/s, of a sample without a covariance: a MEMS gyro's
   };
 
   explicit ConstantTwist(const Options& options) : options_(options) {}

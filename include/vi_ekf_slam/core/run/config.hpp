@@ -41,7 +41,9 @@ struct PaperConfig {
 struct Config {
   EstimatorType estimator = EstimatorType::kInvariant;
   MeasurementBuffer::Options buffer;
-  double rig_wait_s = 2.0; ///< s of sensor time that measurements wait for the calibration at the start
+  /// s of sensor time that measurements wait for the calibration at the start: camera_info and /tf_static
+  /// come within a second where they come at all, and the buffer must not grow without end.
+  double rig_wait_s = 2.0;
   InvariantConfig invariant;
   PaperConfig paper;
 };

@@ -20,6 +20,7 @@ struct RunSummary {
   SystemCounts counts;
   /// Messages (and features) that were turned away before they became measurements, by reason.
   std::map<std::string, std::uint64_t> turned_away;
+  std::vector<StreamNoise> noise; ///< of the streams that were used
 };
 
 /// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.

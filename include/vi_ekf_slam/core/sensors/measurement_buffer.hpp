@@ -36,9 +36,12 @@ class MeasurementBuffer {
         1.0; ///< s; an older stamp by more than this is a new start, by less a late message
     /// s; a newer stamp by more than this is a gap or a wrong stamp (see ClockGuard)
     double max_jump_ahead_s = 1.0;
-    double max_gap_s = 30.0;            ///< s; after a longer gap the estimate starts anew
-    std::size_t jump_confirmations = 5; ///< measurements in a row that make a jump; 1: the first is believed
-    std::size_t max_size = 100000;      ///< measurements held; beyond it the oldest are released
+    double max_gap_s = 30.0; ///< s; after a longer gap the estimate starts anew
+    /// Measurements in a row that make a jump; 1: the first is believed. Single wrong stamps happen, five
+    /// that agree are a clock.
+    std::size_t jump_confirmations = 5;
+    /// Measurements held; beyond it the oldest are released. Bounds the memory: minutes of a fast IMU.
+    std::size_t max_size = 100000;
   };
 
   enum class Verdict {

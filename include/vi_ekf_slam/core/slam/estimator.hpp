@@ -68,7 +68,7 @@ enum class MapUse {
 
 /// Limits of what is used of a frame, see InvariantConfig.
 struct Gates {
-  double gate, frame_gate, plausible_gate, motion_gate;
+  double gate, frame_gate;
 };
 
 /// A causal estimator of pose and map. Measurements come in the order of their stamps (see

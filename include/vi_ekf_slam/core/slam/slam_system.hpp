@@ -13,6 +13,7 @@
 #include "vi_ekf_slam/core/sensors/clock_guard.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/slam/noise_report.hpp"
 
 namespace vi_ekf_slam {
 
@@ -64,11 +65,13 @@ class SlamSystem {
   explicit SlamSystem(const Config& config);
 
   /// Called after each stereo frame, in the order of stamps.
-  void onFrame(std::function<void(const Output&)> handler) { on_frame_ = std::move(handler); }
+  void onFrame(std::function<void(const Output&)> handler) { handlers_.frame = std::move(handler); }
   /// Called after each gyro sample (the rate of smooth odometry).
-  void onGyro(std::function<void(const Output&)> handler) { on_gyro_ = std::move(handler); }
+  void onGyro(std::function<void(const Output&)> handler) { handlers_.gyro = std::move(handler); }
   /// Called after a reset, with the reason.
-  void onReset(std::function<void(const std::string&)> handler) { on_reset_ = std::move(handler); }
+  void onReset(std::function<void(const std::string&)> handler) { handlers_.reset = std::move(handler); }
+  /// Called when a stream is used for the first time: which noise it is taken to have, and from where.
+  void onNoise(std::function<void(const StreamNoise&)> handler) { handlers_.noise = std::move(handler); }
 
   /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
   /// the buffer may hold, unless the configuration does not look at features at all.
@@ -105,8 +108,15 @@ class SlamSystem {
   const SystemCounts& counts() const { return counts_; }
   const Blindness& blindness() const { return blindness_; }
   const Config& config() const { return config_; }
+  const NoiseReport& noise() const { return noise_; }
 
  private:
+  struct Handlers {
+    std::function<void(const Output&)> frame, gyro;
+    std::function<void(const std::string&)> reset;
+    std::function<void(const StreamNoise&)> noise;
+  };
+
   void requireJointMap(const std::string& source) const;
   bool waitingForRig() const;
   bool countInvalid(const Measurement& measurement);
@@ -114,6 +124,7 @@ class SlamSystem {
   void followJump();
   void countStrays();
   void drain();
+  void noteNoise(const Measurement& measurement);
   void process(const Measurement& measurement);
   void count(const FrameReport& report);
 
@@ -128,9 +139,8 @@ class SlamSystem {
   std::optional<Stamp> first_stamp_;
   Blindness blindness_;
   SystemCounts counts_;
-  std::function<void(const Output&)> on_frame_;
-  std::function<void(const Output&)> on_gyro_;
-  std::function<void(const std::string&)> on_reset_;
+  NoiseReport noise_;
+  Handlers handlers_;
 };
 
 } // namespace vi_ekf_slam

@@ -47,10 +47,11 @@ class FrameUpdate {
     double consensus_px = 1.2; ///< px, RMS residual of the four coordinates up to which a feature agrees
     double gate = 7.815;       ///< chi-square limit with 3 degrees of freedom for a single feature (95 %)
     double frame_gate = 5.0;   ///< NIS per degree of freedom beyond which a whole frame is impossible
-    /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all.
+    /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all: wide,
+    /// since the consensus chooses.
     double plausible_gate = 30.0;
     /// Limit of the twist's correction by a frame, squared and in units of its prior covariance (6 degrees of
-    /// freedom), beyond which the frame is impossible.
+    /// freedom), beyond which the frame is impossible; a good one exceeds it once in 10^10.
     double motion_gate = 60.0;
   };
 

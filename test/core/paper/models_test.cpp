@@ -3,9 +3,9 @@
 #include <cmath>
 #include <limits>
 
-#include "numeric.hpp"
-#include "paper_reference.hpp"
-#include "street.hpp"
+#include "../numeric.hpp"
+#include "../street.hpp"
+#include "reference.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/paper/inverse_pose.hpp"
 #include "vi_ekf_slam/core/paper/observation.hpp"

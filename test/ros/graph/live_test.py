@@ -134,7 +134,7 @@ class Live(unittest.TestCase):
         for topic in ("path", "dead_reckoning/path"):
             path = self.first_drive[topic][-1]
             self.assertEqual("map", path.header.frame_id)
-            self.assertTrue(30 < len(path.poses) < 62, "%s has %d points" % (topic, len(path.poses)))
+            self.assertTrue(60 < len(path.poses) < 125, "%s has %d points" % (topic, len(path.poses)))
         marker = self.first_drive["landmarks"][-1].markers[0]
         self.assertEqual((Marker.POINTS, Marker.ADD), (marker.type, marker.action))
         self.assertGreater(len(marker.points), 20)
@@ -144,6 +144,8 @@ class Live(unittest.TestCase):
         self.assertEqual(["x", "y", "z", "sigma", "id", "id_high"], [field.name for field in cloud.fields])
         names = {status.name.split(": ")[-1] for m in self.heard["/diagnostics"] for status in m.status}
         self.assertTrue({"inputs", "calibration", "estimator", "dropped"} <= names, names)
+        keys = {value.key for m in self.heard["/diagnostics"] for status in m.status for value in status.values}
+        self.assertTrue({"noise of gyro", "noise of velocity", "noise of pixels"} <= keys, keys)
 
     def test_6_save_map(self):
         """One line a landmark."""

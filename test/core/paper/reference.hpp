@@ -5,7 +5,7 @@
 #include <map>
 #include <vector>
 
-#include "exp_series.hpp"
+#include "../exp_series.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
@@ -18,6 +18,8 @@ namespace vi_ekf_slam::test {
 using Real = long double;
 using Vec = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using Mat = LongMatrix;
+
+constexpr double kStep = 0.1; ///< s, between the frames of these tests
 
 /// Equation 12, u^wedge.
 inline Mat hat4(const Vec& u) {

@@ -11,6 +11,7 @@ import unittest
 
 import rospkg
 import rostest
+import yaml
 
 import drive_data
 
@@ -41,11 +42,13 @@ class Playback(unittest.TestCase):
         self.config = os.path.join(os.path.dirname(os.path.abspath(__file__)), "test_config.yaml")
         drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
 
-    def run_bag(self):
-        """Folder of run_bag's results, made anew."""
-        output = os.path.join(self.folder, "run_bag")
-        subprocess.run([drive_data.program("run_bag"), self.bag, "--config", self.config, "--output", output],
-                       check=True, timeout=LIMIT)
+    def run_bag(self, config=None, name="run_bag"):
+        """Folder of run_bag's results, made anew; what it said is in self.said."""
+        output = os.path.join(self.folder, name)
+        config = self.config if config is None else config
+        self.said = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
+                                   + (["--config", config] if config else []),
+                                   check=True, timeout=LIMIT, stdout=subprocess.PIPE).stdout.decode()
         return output
 
     def launch(self, *arguments):
@@ -71,6 +74,10 @@ class Playback(unittest.TestCase):
         expected = self.run_bag()
         log = self.launch()
         self.check_equal(expected, os.path.join(self.folder, "drive_slam"), log)
+        noise = [line for line in self.said.splitlines() if line.startswith("noise: ")]
+        self.assertEqual(3, len(noise), self.said)
+        for line in noise:
+            self.assertEqual(1, log.count(line), log)
         nodelet = os.path.join(self.folder, "nodelet")
         log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
@@ -83,6 +90,19 @@ class Playback(unittest.TestCase):
         for name in SAME_FILES:
             self.assertEqual(_read(expected, name), _read(self.folder, "drive_slam", name), log)
         self.assertEqual(61, len(_read(expected, "trajectory.tum").splitlines()))
+
+    def test_run_bag_without_a_configuration_takes_the_default_one(self):
+        """Which is built in; its summary says so, and which noise it took from where."""
+        default = os.path.join(rospkg.RosPack().get_path(PACKAGE), "config", "default.yaml")
+        expected = self.run_bag(default, "named")
+        output = self.run_bag("", "unnamed")
+        for name in SAME_FILES:
+            self.assertEqual(_read(expected, name), _read(output, name), name)
+        self.assertEqual(61, len(_read(output, "trajectory.tum").splitlines()))
+        summary = yaml.safe_load(_read(output, "summary.yaml"))
+        self.assertEqual("built-in defaults", summary["config"])
+        self.assertEqual({"value": 0.1, "unit": "m/s", "source": "from its messages"}, summary["noise"]["velocity"])
+        self.assertEqual({"value": 1.15, "unit": "px", "source": "invariant/pixel_sigma"}, summary["noise"]["pixels"])
 
     def test_frames_correct_the_trajectory(self):
         """Guards the comparison: were the features ignored, equality would say little."""

@@ -13,7 +13,7 @@ from nav_msgs.msg import Path
 import drive_data
 from drive_player import LENGTH, DrivePlayer
 
-BACK = 12.0  # m; default.yaml calls a displacement of 10 m, beside the way of two frames, a divergence
+BACK = 12.0  # m; a displacement of 10 m, beside the way of two frames, is a divergence
 JUMP = 1.05  # s after the start
 
 

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/run/config.hpp"
+
+namespace vi_ekf_slam::test {
+
+/// what() of the ConfigError that `f` throws; empty when it throws none.
+template <typename F>
+std::string errorOf(const F& f) {
+  try {
+    f();
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+inline std::string errorIn(const std::string& yaml) {
+  return errorOf([&] { parseConfig(yaml, "robot.yaml"); });
+}
+
+inline void expectAll(const std::string& message, const std::vector<std::string>& parts) {
+  for (const auto& part : parts) {
+    EXPECT_NE(message.find(part), std::string::npos) << "'" << part << "' is missing in: " << message;
+  }
+}
+
+} // namespace vi_ekf_slam::test

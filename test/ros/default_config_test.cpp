@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
+
+#include <iomanip>
+#include <map>
+#include <sstream>
+#include <string>
+
+#include "vi_ekf_slam/core/run/yaml_section.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+const std::string kDefault = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/default.yaml";
+constexpr std::size_t kMostKeys = 40; // one page; a switch for studies alone belongs to the section `studies`
+
+using Fields = std::map<std::string, std::string>;
+
+template <typename T>
+std::string text(const T& value) {
+  std::ostringstream out;
+  out << std::setprecision(17) << value;
+  return out.str();
+}
+std::string text(const Vector6d& value) { return text(value.transpose()); }
+
+/// All that config/default.yaml sets, by key.
+Fields fieldsOf(const FullConfig& config) {
+  Fields f;
+  const auto add = [&f](const std::string& key, const auto& value) { f[key] = text(value); };
+  const InvariantConfig& c = config.core.invariant;
+  add("estimator", static_cast<int>(config.core.estimator));
+  add("invariant.twist_density", c.motion.twist_density);
+  add("invariant.bias_density", c.motion.bias_density);
+  add("invariant.prior_twist_sigma", c.motion.prior_twist_sigma);
+  add("invariant.prior_bias_sigma", c.motion.prior_bias_sigma);
+  add("invariant.velocity_sigma", c.motion.velocity_sigma);
+  add("invariant.gyro_sigma", c.motion.gyro_sigma);
+  add("invariant.pixel_sigma", c.stereo.pixel_sigma);
+  add("invariant.min_disparity", c.stereo.min_disparity);
+  add("invariant.max_row_offset", c.stereo.max_row_offset);
+  add("invariant.max_depth_m", c.stereo.max_depth_m);
+  add("invariant.consensus_px", c.update.consensus_px);
+  add("invariant.gate", c.update.gate);
+  add("invariant.frame_gate", c.update.frame_gate);
+  add("invariant.standstill_px", c.standstill_px);
+  add("invariant.scale_sigma", c.scale_sigma);
+  add("invariant.slip_sigma", c.slip.sigma);
+  add("invariant.slip_rotation_sigma", c.slip.rotation_sigma);
+  add("invariant.slip_length_m", c.slip.length_m);
+  add("invariant.divergence_window_s", c.recovery.monitor.window_s);
+  add("map.keep", static_cast<int>(c.map.keep));
+  add("map.min_track_s", c.map.min_track_s);
+  add("map.max_landmarks", c.map.max_landmarks);
+  add("map.recognise_places", c.recognise_places);
+  add("buffer.max_delay_s", config.core.buffer.max_delay_s);
+  add("buffer.max_jump_back_s", config.core.buffer.max_jump_back_s);
+  add("buffer.max_jump_ahead_s", config.core.buffer.max_jump_ahead_s);
+  add("buffer.max_gap_s", config.core.buffer.max_gap_s);
+  add("ros.map_frame", config.ros.map_frame);
+  add("ros.odom_frame", config.ros.odom_frame);
+  add("ros.imu_frame", config.ros.imu_frame);
+  add("ros.publish_tf", config.ros.publish_tf);
+  add("ros.publish_odom_tf", config.ros.publish_odom_tf);
+  add("ros.single_tf", config.ros.single_tf);
+  add("ros.path_max_points", config.ros.path_max_points);
+  add("ros.path_period_s", config.ros.path_period_s);
+  add("ros.max_bandwidth_bytes_s", config.ros.max_bandwidth_bytes_s);
+  add("ros.landmark_period_s", config.ros.landmark_period_s);
+  add("ros.max_features", config.ros.max_features);
+  add("ros.max_latency_s", config.ros.max_latency_s);
+  return f;
+}
+
+/// Each key of the file with another value than its own, which is allowed too, as a document of that key
+/// alone.
+std::map<std::string, std::string> changesOf(const YAML::Node& file) {
+  std::map<std::string, std::string> changes;
+  for (const auto& section : file) {
+    const std::string name = section.first.Scalar();
+    if (!section.second.IsMap()) continue;
+    for (const auto& entry : section.second) {
+      const YAML::Node& value = entry.second;
+      double number = 0.0;
+      bool flag = false;
+      std::string changed = "other";
+      if (value.IsSequence() || YAML::convert<double>::decode(value, number)) {
+        changed = text(number == 0.0 ? 0.125 : number / 2.0);
+      } else if (YAML::convert<bool>::decode(value, flag)) {
+        changed = flag ? "false" : "true";
+      } else if (name == "map") {
+        changed = "all";
+      }
+      changes[name + "." + entry.first.Scalar()] = name + ": {" + entry.first.Scalar() + ": " + changed + "}";
+    }
+  }
+  changes["estimator"] = "estimator: paper";
+  return changes;
+}
+
+TEST(DefaultConfig, holds_what_a_program_without_a_configuration_does) {
+  EXPECT_EQ(fieldsOf(FullConfig()), fieldsOf(loadFullConfig(kDefault)));
+}
+
+TEST(DefaultConfig, has_each_key_reach_its_own_field_alone) {
+  const Fields defaults = fieldsOf(FullConfig());
+  const auto changes = changesOf(YAML::LoadFile(kDefault));
+  EXPECT_LE(changes.size(), kMostKeys);
+  ASSERT_EQ(defaults.size(), changes.size());
+  for (const auto& [key, yaml] : changes) {
+    for (const auto& [field, value] : fieldsOf(parseFullConfig(yaml, key))) {
+      ASSERT_EQ(1U, defaults.count(field));
+      EXPECT_EQ(field == key, value != defaults.at(field)) << yaml << " changes " << field << " to " << value;
+    }
+  }
+}
+
+TEST(DefaultConfig, explains_each_key_beside_it_or_above) {
+  std::istringstream lines(readYamlFile(kDefault));
+  std::string line, before;
+  while (std::getline(lines, line)) {
+    const bool is_key = !line.empty() && line.front() != '#' && line.find(": ") != std::string::npos &&
+                        line.find_first_not_of(' ') != line.find('#');
+    if (is_key && line.front() == ' ') {
+      EXPECT_TRUE(line.find('#') != std::string::npos || before.find('#') != std::string::npos) << line;
+    }
+    before = line;
+  }
+}
+
+} // namespace
+} // namespace vi_ekf_slam
