@@ -16,7 +16,8 @@ Vector6d TrackSlip::variances() const {
 void TrackSlip::addTo(Filter& filter) {
   variable_.reset();
   if (options_.sigma > 0.0 || options_.rotation_sigma > 0.0)
-    variable_ = filter.augment(Chart::kVector, Vector6d::Zero(), Matrix6d(variances().asDiagonal()));
+    variable_ =
+        filter.augment(Chart::kVector, Vector6d::Zero(), Matrix6d(variances().asDiagonal()), {}, kName);
 }
 
 void TrackSlip::propagate(Filter& filter, double distance_m) const {
