@@ -10,6 +10,10 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be worth keeping
+// m, standard deviation: one known to no better tells nothing about where a drive is. A correction of the
+// inverse depth can send a far point farther yet by a factor of five, its variance by 5^4, and rounding
+// beside such numbers would be the other landmarks' errors.
+constexpr double kVaguest = 1e3;
 
 /// The filter's variable of this name and size.
 std::optional<Handle> find(const SavedVariable& variable, const Filter& filter) {
@@ -30,6 +34,10 @@ Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter) {
     row += size;
   }
   return same;
+}
+
+bool isWorthSaving(const Eigen::Vector3d& position, const Eigen::Vector3d& variances) {
+  return position.cwiseAbs().maxCoeff() <= kMaxSavedDistance && variances.maxCoeff() <= kVaguest * kVaguest;
 }
 
 } // namespace
@@ -57,9 +65,11 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   std::vector<Eigen::Index> rows; // of those that are saved, in the store
   for (std::size_t i = 0; i < inactive.size(); ++i) {
     const InactiveVariable& variable = inactive.variables()[i];
+    const Eigen::Index row = inactive.rowOf(i);
+    if (!isWorthSaving(variable.mean, inactive.covariance().diagonal().segment<3>(row))) continue;
     const Landmark& landmark = landmarks.inactive(variable.handle);
     map.landmarks.push_back({landmark.id, variable.mean, landmark.observations});
-    rows.push_back(inactive.rowOf(i));
+    rows.push_back(row);
   }
   const Eigen::MatrixXd same = sameRows(map, filter);
   const Eigen::Index base = map.base(), end = map.rowOf(rows.size());
