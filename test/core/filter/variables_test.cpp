@@ -94,7 +94,8 @@ TEST(VariablesTest, AreFoundByTheirNamesUntilTheyAreRemoved) {
   EXPECT_FALSE(variables.find("a"));
   EXPECT_EQ(variables.find("b"), b);
   EXPECT_EQ(variables.find(""), std::nullopt);
-  EXPECT_EQ(variables.add(Chart::kVector, filled(2, 0.0), "a"), variables.find("a"));
+  const Handle again = variables.add(Chart::kVector, filled(2, 0.0), "a");
+  EXPECT_EQ(variables.find("a"), again);
 }
 
 TEST(VariablesTest, RefusesWhatFitsNoChart) {
