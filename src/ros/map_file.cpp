@@ -23,8 +23,8 @@ namespace {
 
 constexpr char kStateTopic[] = "map", kLandmarksTopic[] = "landmarks";
 constexpr double kNorm = 1e-6; // of a quaternion's norm from 1
-
-Eigen::Index rowOf(std::size_t landmark) { return kSavedBase + 3 * static_cast<Eigen::Index>(landmark); }
+// Of MapState as it was in format 1: pose, twist and its bias, in 18 rows.
+constexpr char kFormat1[] = "b8c6e3bae06010c0888cce2f96b7df60";
 
 /// Numbers of the lower triangle above row `end`.
 std::uint64_t numbersAbove(Eigen::Index end) { return static_cast<std::uint64_t>(end * (end + 1) / 2); }
@@ -49,13 +49,18 @@ void putRows(const Numbers& numbers, Eigen::Index begin, Eigen::Index end, Eigen
 
 void write(rosbag::Bag& bag, const SavedMap& map, const std::string& map_frame) {
   MapState state;
+  state.version = MapState::VERSION;
   state.header.stamp = conversions::toTime(map.stamp);
   state.header.frame_id = map_frame;
   state.pose = conversions::toPose(map.world_T_imu);
-  Eigen::Map<Vector6d>(state.twist.data()) = map.twist;
-  Eigen::Map<Vector6d>(state.bias.data()) = map.bias;
+  for (const SavedVariable& variable : map.variables) {
+    state.variables.emplace_back();
+    state.variables.back().name = variable.name;
+    state.variables.back().mean.assign(variable.mean.data(), variable.mean.data() + variable.mean.size());
+  }
   state.landmarks = static_cast<std::uint32_t>(map.landmarks.size());
-  takeRows(map.covariance, 0, kSavedBase, state.covariance);
+  state.covariance.resize(numbersAbove(map.base()));
+  takeRows(map.covariance, 0, map.base(), state.covariance);
   bag.write(kStateTopic, state.header.stamp, state);
   MapLandmark message;
   for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
@@ -66,8 +71,8 @@ void write(rosbag::Bag& bag, const SavedMap& map, const std::string& map_frame) 
     message.position.z = landmark.position.z();
     message.observations = static_cast<std::uint32_t>(
         std::min<std::size_t>(landmark.observations, std::numeric_limits<std::uint32_t>::max()));
-    message.covariance.resize(numbersAbove(rowOf(i + 1)) - numbersAbove(rowOf(i)));
-    takeRows(map.covariance, rowOf(i), rowOf(i + 1), message.covariance);
+    message.covariance.resize(numbersAbove(map.rowOf(i + 1)) - numbersAbove(map.rowOf(i)));
+    takeRows(map.covariance, map.rowOf(i), map.rowOf(i + 1), message.covariance);
     // A bag is read in the order of its times.
     bag.write(kLandmarksTopic, conversions::toTime(map.stamp + 1 + static_cast<Stamp>(i)), message);
   }
@@ -79,6 +84,8 @@ class Reader {
   Reader(const std::string& path, std::uint64_t bytes) : path_(path), bytes_(bytes) {}
 
   void read(const MapState& message) {
+    if (message.version != MapState::VERSION)
+      refuse(path_, "version", std::to_string(message.version), std::to_string(MapState::VERSION));
     map_.stamp = conversions::toStamp(message.header.stamp);
     const auto& p = message.pose.position;
     const auto& o = message.pose.orientation;
@@ -86,18 +93,23 @@ class Reader {
     if (!(std::abs(q.norm() - 1.0) <= kNorm))
       refuse(path_, "pose.orientation", "of norm " + std::to_string(q.norm()), "a quaternion of norm 1");
     map_.world_T_imu = {q.normalized().toRotationMatrix(), {p.x, p.y, p.z}};
-    map_.twist = Eigen::Map<const Vector6d>(message.twist.data());
-    map_.bias = Eigen::Map<const Vector6d>(message.bias.data());
+    for (const MapVariable& variable : message.variables) {
+      map_.variables.push_back(
+          {variable.name, Eigen::Map<const Eigen::VectorXd>(
+                              variable.mean.data(), static_cast<Eigen::Index>(variable.mean.size()))});
+    }
+    validate(map_.variables, path_);
     announced_ = message.landmarks;
     if (announced_ > kMaxSavedLandmarks)
       refuse(path_, "landmarks", std::to_string(announced_), "at most " + std::to_string(kMaxSavedLandmarks));
-    const std::uint64_t needed = sizeof(double) * numbersAbove(rowOf(announced_));
+    requireNumbers("covariance", message.covariance.size(), numbersAbove(map_.base()));
+    const std::uint64_t needed = sizeof(double) * numbersAbove(map_.rowOf(announced_));
     if (needed > bytes_) {
       refuse(path_, "landmarks", std::to_string(announced_),
              "what a file of " + std::to_string(bytes_) + " bytes can hold (cut short, or compressed?)");
     }
-    map_.covariance.resize(rowOf(announced_), rowOf(announced_));
-    putRows(message.covariance, 0, kSavedBase, map_.covariance);
+    map_.covariance.resize(map_.rowOf(announced_), map_.rowOf(announced_));
+    putRows(message.covariance, 0, map_.base(), map_.covariance);
   }
 
   void read(const MapLandmark& message) {
@@ -105,12 +117,9 @@ class Reader {
     const std::string field = "landmarks[" + std::to_string(i) + "]";
     if (i >= announced_)
       refuse(path_, field, "there", "the " + std::to_string(announced_) + " that are announced");
-    const std::uint64_t expected = numbersAbove(rowOf(i + 1)) - numbersAbove(rowOf(i));
-    if (message.covariance.size() != expected) {
-      refuse(path_, field + ".covariance", "of " + std::to_string(message.covariance.size()) + " numbers",
-             std::to_string(expected) + " numbers");
-    }
-    putRows(message.covariance, rowOf(i), rowOf(i + 1), map_.covariance);
+    const Eigen::Index begin = map_.rowOf(i), end = map_.rowOf(i + 1);
+    requireNumbers(field + ".covariance", message.covariance.size(), numbersAbove(end) - numbersAbove(begin));
+    putRows(message.covariance, begin, end, map_.covariance);
     map_.landmarks.push_back(
         {message.id, {message.position.x, message.position.y, message.position.z}, message.observations});
   }
@@ -125,6 +134,11 @@ class Reader {
   }
 
  private:
+  void requireNumbers(const std::string& field, std::uint64_t count, std::uint64_t expected) const {
+    if (count == expected) return;
+    refuse(path_, field, "of " + std::to_string(count) + " numbers", std::to_string(expected) + " numbers");
+  }
+
   std::string path_;
   std::uint64_t bytes_;
   std::size_t announced_ = 0;
@@ -133,10 +147,15 @@ class Reader {
 
 template <typename Message>
 Message messageOf(const std::string& path, const rosbag::MessageInstance& instance) {
+  if (instance.getMD5Sum() == kFormat1) {
+    throw MapError(path + ": written by an older version (format 1), allowed: format " +
+                   std::to_string(MapState::VERSION) + "; save it anew");
+  }
   if (!instance.isType<Message>()) {
-    refuse(path, "topic " + instance.getTopic(), "of type " + instance.getDataType(),
-           std::string("the type ") + ros::message_traits::datatype<Message>() +
-               " that this program was built with");
+    refuse(path, "topic " + instance.getTopic(),
+           "of type " + instance.getDataType() + " (" + instance.getMD5Sum() + ")",
+           std::string("the type ") + ros::message_traits::datatype<Message>() + " (" +
+               ros::message_traits::md5sum<Message>() + ") that this program was built with");
   }
   return wire::read<Message>(instance);
 }

@@ -96,8 +96,7 @@ void MapStore::begin(SlamSystem& system) {
     const auto map = readOrSetAside();
     moveEarlierResults(settings_.output_dir);
     if (map) {
-      system.resumeFrom(map, savedPath());
-      ROS_INFO_STREAM("resuming from " << savedPath() << " with " << map->landmarks.size() << " landmarks");
+      resume(system, map);
       return;
     }
   }
@@ -106,6 +105,19 @@ void MapStore::begin(SlamSystem& system) {
   system.loadMap(map, source());
   ROS_INFO_STREAM("looking for the place in " << source() << ", with " << map->landmarks.size()
                                               << " landmarks");
+}
+
+/// A map of another motion model is good for finding the place in it.
+void MapStore::resume(SlamSystem& system, const std::shared_ptr<const SavedMap>& map) const {
+  const std::size_t count = map->landmarks.size();
+  try {
+    system.resumeFrom(map, savedPath());
+    ROS_INFO_STREAM("resuming from " << savedPath() << " with " << count << " landmarks");
+  } catch (const MapError& e) {
+    system.loadMap(map, savedPath());
+    ROS_WARN_STREAM("not resumed, but looking for the place among its " << count
+                                                                        << " landmarks: " << e.what());
+  }
 }
 
 std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator) const {

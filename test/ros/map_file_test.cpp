@@ -7,6 +7,8 @@
 #include <std_msgs/String.h>
 #include <stdlib.h>
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -17,6 +19,41 @@
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/ros/conversions.hpp"
+
+/// MapState as it was in format 1, with no more than rosbag needs to write it.
+struct Format1 {
+  std::array<std::uint8_t, 16 + 8 * 7 + 8 * 12 + 4 + 8 * 171> bytes{};
+};
+
+namespace ros::message_traits {
+template <>
+struct DataType<Format1> {
+  static const char* value() { return DataType<vi_ekf_slam::MapState>::value(); }
+  static const char* value(const Format1& /*message*/) { return value(); }
+};
+template <>
+struct MD5Sum<Format1> {
+  static const char* value() { return "b8c6e3bae06010c0888cce2f96b7df60"; }
+  static const char* value(const Format1& /*message*/) { return value(); }
+};
+template <>
+struct Definition<Format1> {
+  static const char* value() { return "float64[6] twist"; }
+  static const char* value(const Format1& /*message*/) { return value(); }
+};
+} // namespace ros::message_traits
+
+namespace ros::serialization {
+template <>
+struct Serializer<Format1> {
+  static void write(OStream& stream, const Format1& message) {
+    std::copy(message.bytes.begin(), message.bytes.end(), stream.advance(serializedLength(message)));
+  }
+  static std::uint32_t serializedLength(const Format1& message) {
+    return static_cast<std::uint32_t>(message.bytes.size());
+  }
+};
+} // namespace ros::serialization
 
 namespace vi_ekf_slam {
 namespace {
@@ -30,11 +67,12 @@ SavedMap example(std::size_t landmarks = 5) {
   SavedMap map;
   map.stamp = fromSeconds(1000.5) + 7;
   map.world_T_imu = SE3::Exp(random.vector<6>(-2.0, 2.0));
-  map.twist = random.vector<6>(-1.0, 1.0);
-  map.bias = random.vector<6>(-0.01, 0.01);
+  map.variables = {{"twist", random.vector<6>(-1.0, 1.0)},
+                   {"scale", Eigen::VectorXd::Constant(1, 0.02)},
+                   {"twist_bias", random.vector<6>(-0.01, 0.01)}};
   for (std::size_t i = 0; i < landmarks; ++i)
     map.landmarks.push_back({(FeatureId{1} << 63) + i, random.vector<3>(-90.0, 90.0), 3 + i});
-  const auto rows = kSavedBase + 3 * static_cast<Eigen::Index>(landmarks);
+  const Eigen::Index rows = map.rowOf(landmarks);
   Eigen::MatrixXd A(rows, rows);
   for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = random.uniform(-1.0, 1.0);
   map.covariance = A * A.transpose();
@@ -92,6 +130,18 @@ class MapFile : public testing::Test {
     }
   }
 
+  /// Of the map that is there, with another length at `offset` of where `around` is.
+  void expectArrayRefused(const std::string& around, std::size_t offset) const {
+    const std::string whole = bytes();
+    std::string content = whole;
+    const std::size_t at = content.find(around);
+    ASSERT_NE(at, std::string::npos);
+    content.replace(at + offset, 4, "\xff\xff\xff\xff", 4);
+    put(content);
+    expectRefusal({"announces more elements than it holds"});
+    put(whole);
+  }
+
   std::string directory_, path_;
 };
 
@@ -102,8 +152,11 @@ TEST_F(MapFile, ReadsBackToTheLastBit) {
     const SavedMap read = readMapFile(path_);
     EXPECT_EQ(read.stamp, map.stamp);
     EXPECT_LT(test::distance(read.world_T_imu.matrix(), map.world_T_imu.matrix()), 1e-15);
-    EXPECT_EQ(read.twist, map.twist);
-    EXPECT_EQ(read.bias, map.bias);
+    ASSERT_EQ(read.variables.size(), map.variables.size());
+    for (std::size_t i = 0; i < map.variables.size(); ++i) {
+      EXPECT_EQ(read.variables[i].name, map.variables[i].name);
+      EXPECT_EQ(read.variables[i].mean, map.variables[i].mean);
+    }
     EXPECT_EQ(read.covariance, map.covariance);
     ASSERT_EQ(read.landmarks.size(), landmarks);
     for (std::size_t i = 0; i < landmarks; ++i) {
@@ -173,7 +226,22 @@ TEST_F(MapFile, WhatIsWrongInAMessageIsNamed) {
       {[](MapState& s, Landmarks&) { s.pose.orientation = geometry_msgs::Quaternion(); },
        {"pose.orientation", "0.0"}},
       {[](MapState& s, Landmarks&) { s.header.stamp = ros::Time(); }, {"stamp", "allowed"}},
-      {[](MapState& s, Landmarks&) { s.twist[3] = 1e308; }, {"twist[3]", "1e+308", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.version = 3; }, {"version is 3", "allowed: 2"}},
+      {[](MapState& s, Landmarks&) { s.version = 0; }, {"version is 0", "allowed: 2"}},
+      {[](MapState& s, Landmarks&) { s.variables[0].mean[3] = 1e308; }, {"twist[3]", "1e+308", "allowed"}},
+      {[](MapState& s, Landmarks&) { s.variables[0].name = "scale"; },
+       {"variables[1].name", "scale", "every name once"}},
+      {[](MapState& s, Landmarks&) { s.variables[2].name.assign(1 << 20, 'x'); },
+       {"variables[2].name", "1048576", "1 to 32"}},
+      {[](MapState& s, Landmarks&) { s.variables[2].name = "two\nlines"; }, {"variables[2].name", "a to z"}},
+      {[](MapState& s, Landmarks&) { s.variables[1].mean.clear(); }, {"variables[1].mean", "0 numbers"}},
+      {[](MapState& s, Landmarks&) { s.variables[1].mean.resize(1 << 20); },
+       {"variables[1].mean", "1048576 numbers", "1 to 32"}},
+      {[](MapState& s, Landmarks&) { s.variables[1].mean.resize(2); },
+       {"covariance", "190 numbers", "210 numbers"}},
+      {[](MapState& s, Landmarks&) { s.variables.resize(1 << 20); }, {"variables", "1048576", "at most 16"}},
+      {[](MapState& s, Landmarks&) { s.variables.pop_back(); }, {"covariance", "190 numbers", "91 numbers"}},
+      {[](MapState& s, Landmarks&) { s.covariance.clear(); }, {"covariance", "0 numbers", "190 numbers"}},
       {[](MapState& s, Landmarks&) { s.covariance[0] = -1.0; }, {"covariance[0][0]", "-1", "allowed"}},
       {[](MapState& s, Landmarks&) { s.landmarks = 4000000000U; },
        {"landmarks", "4000000000", "at most 4000"}},
@@ -183,12 +251,12 @@ TEST_F(MapFile, WhatIsWrongInAMessageIsNamed) {
       {[](MapState&, Landmarks& l) { l[1].id = l[3].id; }, {"landmarks[3].id", "every id once"}},
       {[](MapState&, Landmarks& l) { l[2].position.y = -1e308; }, {"landmarks[2].position[1]", "-1e+308"}},
       {[](MapState&, Landmarks& l) { std::swap(l[1], l[2]); },
-       {"landmarks[1].covariance", "78 numbers", "69 numbers"}},
+       {"landmarks[1].covariance", "81 numbers", "72 numbers"}},
       {[](MapState&, Landmarks& l) { l[0].covariance.clear(); }, {"landmarks[0].covariance", "0 numbers"}},
       {[](MapState&, Landmarks& l) { l[4].covariance.resize(1 << 20); },
        {"landmarks[4].covariance", "1048576 numbers"}},
-      {[](MapState&, Landmarks& l) { l[0].covariance[5] = kNaN; }, {"covariance[18][5]", "nan"}},
-      {[](MapState&, Landmarks& l) { l[0].covariance[18] = -0.5; }, {"covariance[18][18]", "-0.5"}},
+      {[](MapState&, Landmarks& l) { l[0].covariance[5] = kNaN; }, {"covariance[19][5]", "nan"}},
+      {[](MapState&, Landmarks& l) { l[0].covariance[19] = -0.5; }, {"covariance[19][19]", "-0.5"}},
       {[](MapState&, Landmarks& l) { l[4].covariance.back() *= 1e-3; }, {"covariance"}},
   };
   for (std::size_t i = 0; i < cases.size(); ++i) {
@@ -206,7 +274,7 @@ TEST_F(MapFile, ASmallFileCannotAskForALargeMap) {
       [](MapState& s, std::vector<MapLandmark>& l) {
         s.landmarks = 800;
         l.resize(800);
-        for (std::size_t i = 0; i < l.size(); ++i) l[i].covariance.assign(3 * (18 + 3 * i) + 6, 0.0);
+        for (std::size_t i = 0; i < l.size(); ++i) l[i].covariance.assign(3 * (19 + 3 * i) + 6, 0.0);
       },
       rosbag::compression::BZ2);
   EXPECT_LT(fs::file_size(path_), 1000000U);
@@ -215,14 +283,23 @@ TEST_F(MapFile, ASmallFileCannotAskForALargeMap) {
 
 TEST_F(MapFile, AnArrayThatIsLongerThanItsMessageIsRefused) {
   writeMapFile(path_, example(), "map");
-  std::string content = bytes();
   // The length of the first landmark's covariance, behind its number of observations.
-  const std::string length("\x03\0\0\0\x3c\0\0\0", 8);
-  const std::size_t at = content.find(length);
-  ASSERT_NE(at, std::string::npos);
-  content.replace(at + 4, 4, "\xff\xff\xff\xff", 4);
-  put(content);
-  expectRefusal({"announces more elements than it holds"});
+  expectArrayRefused(std::string("\x03\0\0\0\x3f\0\0\0", 8), 4);
+  // Those of the variables, behind the pose, and of one's mean, behind its name.
+  expectArrayRefused(std::string("\x03\0\0\0\x05\0\0\0twist", 13), 0);
+  expectArrayRefused(std::string("twist\x06\0\0\0", 9), 5);
+  expectArrayRefused(std::string("\x05\0\0\0\xbe\0\0\0", 8), 4);
+}
+
+TEST_F(MapFile, AMapOfTheFormatBeforeIsRefusedByItsVersion) {
+  for (const auto compression : {rosbag::compression::Uncompressed, rosbag::compression::LZ4}) {
+    {
+      rosbag::Bag bag(path_, rosbag::bagmode::Write);
+      bag.setCompression(compression);
+      bag.write("map", ros::Time(1000.0), Format1());
+    }
+    expectRefusal({": written by an older version (format 1), allowed: format 2; save it anew"});
+  }
 }
 
 TEST_F(MapFile, OtherTopicsAndTypesAreRefused) {

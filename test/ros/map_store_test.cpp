@@ -22,6 +22,7 @@ class MapStoreFolder : public testing::Test {
     ASSERT_NE(nullptr, mkdtemp(name));
     directory_ = name;
     map_.stamp = fromSeconds(1000.0);
+    map_.variables = {{"twist", Vector6d::Zero()}, {"twist_bias", Vector6d::Zero()}};
     map_.covariance = Eigen::MatrixXd::Identity(18, 18);
   }
   void TearDown() override { fs::remove_all(directory_); }
@@ -62,7 +63,7 @@ TEST_F(MapStoreFolder, ResumesAndKeepsWhatWasThere) {
   EXPECT_FALSE(fs::exists(at("before_resume_2"))) << "killed before it had left anything";
   put("trajectory.tum", "second");
   const std::string old = get("map.bag");
-  map_.twist[0] = 1.0;
+  map_.variables[0].mean[0] = 1.0;
   MapStore store(resuming());
   store.write([this] { return map_; });
   EXPECT_EQ(get("before_resume_1/map.bag"), old) << "it is not written over";
@@ -79,6 +80,25 @@ TEST_F(MapStoreFolder, SetsABrokenMapAsideAndStarts) {
   EXPECT_EQ(get("map_broken_1.bag"), "an older one");
   EXPECT_EQ(get("map_broken_2.bag"), "broken");
   EXPECT_EQ(begin(resuming()), MapUse::kNone);
+}
+
+TEST_F(MapStoreFolder, LooksForThePlaceInAMapOfAnotherMotionModel) {
+  map_.variables = {{"velocity", Eigen::Vector3d::Zero()}, {"gyro_bias", Eigen::Vector3d::Zero()}};
+  map_.covariance = Eigen::MatrixXd::Identity(12, 12);
+  writeMapFile(at("map.bag"), map_, "map");
+  SlamSystem system({});
+  MapStore(resuming()).begin(system);
+  const Stamp soon = map_.stamp + fromSeconds(0.1); // as resuming would need it
+  system.add(GyroSample{soon, Eigen::Vector3d::Zero(), {}});
+  system.flush();
+  EXPECT_EQ(system.estimator().mapUse(), MapUse::kWaiting);
+  EXPECT_TRUE(fs::exists(at("map.bag"))) << "it is not broken";
+  try {
+    system.resumeFrom(std::make_shared<const SavedMap>(map_), "FILE");
+    ADD_FAILURE() << "resumed";
+  } catch (const MapError& e) {
+    EXPECT_EQ(std::string(e.what()).rfind("FILE: variable twist is missing", 0), 0U) << e.what();
+  }
 }
 
 TEST_F(MapStoreFolder, StartsWithTheMapFileOrNotAtAll) {

@@ -56,6 +56,7 @@ class MapStore {
  private:
   std::string savedPath() const;
   std::shared_ptr<const SavedMap> readOrSetAside() const;
+  void resume(SlamSystem& system, const std::shared_ptr<const SavedMap>& map) const;
 
   Settings settings_;
   std::mutex writing_;

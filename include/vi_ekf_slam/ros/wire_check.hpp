@@ -7,9 +7,11 @@
 
 #include <cstdint>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "vi_ekf_slam/MapLandmark.h"
+#include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/StereoFeatureArray.h"
 #include "vi_ekf_slam/ros/bag_structure.hpp"
 
@@ -19,11 +21,13 @@
 namespace vi_ekf_slam::wire {
 
 /// Throws unless the array that begins here, of elements of at least `size` bytes, can be within the stream.
-inline void requireArray(ros::serialization::IStream& stream, std::uint32_t size) {
+/// How many elements it has.
+inline std::uint32_t requireArray(ros::serialization::IStream& stream, std::uint32_t size) {
   std::uint32_t count = 0;
   stream.next(count);
   if (count > stream.getLength() / size)
     throw std::runtime_error("a message announces more elements than it holds");
+  return count;
 }
 
 template <typename Message>
@@ -57,6 +61,20 @@ inline void requireArrays(ros::serialization::IStream stream, const MapLandmark*
   stream.next(id);
   stream.next(position);
   stream.next(observations);
+  requireArray(stream, 8); // covariance
+}
+
+inline void requireArrays(ros::serialization::IStream stream, const MapState* /*type*/) {
+  MapState message;
+  stream.next(message.version);
+  stream.next(message.header);
+  stream.next(message.pose);
+  for (std::uint32_t left = requireArray(stream, 8); left > 0; --left) { // variables
+    std::string name;
+    stream.next(name);
+    stream.advance(8 * requireArray(stream, 8)); // mean
+  }
+  stream.next(message.landmarks);
   requireArray(stream, 8); // covariance
 }
 

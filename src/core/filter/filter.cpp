@@ -163,7 +163,8 @@ void Filter::reserve(Eigen::Index rows) {
 }
 
 Handle Filter::augment(Chart chart, const Eigen::VectorXd& mean,
-                       const Eigen::Ref<const Eigen::MatrixXd>& noise, const LinearFunction& by) {
+                       const Eigen::Ref<const Eigen::MatrixXd>& noise, const LinearFunction& by,
+                       const std::string& name) {
   settle();
   const Eigen::Index n = rows(), k = mean.size();
   reserve(n + k);
@@ -175,7 +176,7 @@ Handle Filter::augment(Chart chart, const Eigen::VectorXd& mean,
   if (!by.isNone()) own += cross.middleCols(by.row, by.J.cols()) * by.J.transpose();
   covariance_.block(0, n, n, k) = cross.transpose();
   inactive_.append(k, by);
-  return variables_.add(chart, mean);
+  return variables_.add(chart, mean, name);
 }
 
 bool Filter::correct(const LinearMeasurement& z) {

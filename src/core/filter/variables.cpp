@@ -25,14 +25,23 @@ Handle Variables::reserve(Chart chart) {
   return handle;
 }
 
-Handle Variables::add(Chart chart, const Eigen::VectorXd& mean) {
+Handle Variables::add(Chart chart, const Eigen::VectorXd& mean, const std::string& name) {
   const Eigen::Index size = mean.size();
   const bool fits = chart == Chart::kVector ? size > 0 : size == (chart == Chart::kPose ? 6 : 3);
   if (!fits || (chart == Chart::kPose) != order_.empty())
     throw std::logic_error("a variable of " + std::to_string(size) + " rows does not fit its chart");
+  if (find(name)) throw std::logic_error("there is a variable '" + name + "' already");
   const Handle handle = reserve(chart);
   restore(handle, mean);
+  if (!name.empty()) named_.push_back({name, handle});
   return handle;
+}
+
+std::optional<Handle> Variables::find(const std::string& name) const {
+  for (const Named& named : named_) {
+    if (named.name == name) return named.handle;
+  }
+  return std::nullopt;
 }
 
 void Variables::restore(Handle handle, const Eigen::VectorXd& mean) {
@@ -63,7 +72,12 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
     order_.pop_back();
   }
   slot.size = 0;
-  if (fate == Fate::kForgotten) release(handle);
+  if (fate == Fate::kForgotten) {
+    release(handle);
+    named_.erase(std::remove_if(named_.begin(), named_.end(),
+                                [handle](const Named& named) { return named.handle == handle; }),
+                 named_.end());
+  }
   rows_ -= gone.size;
   return gone;
 }

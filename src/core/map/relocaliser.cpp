@@ -187,7 +187,7 @@ LoadedMap loadedFrom(const SavedMap& map) {
   // Errors about the origin: what turns there shifts what is far away.
   const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(3).maxCoeff();
   variances.head<3>().array() += kRounding * largest;
-  variances.tail(variances.size() - kSavedBase).array() += kRounding * largest;
+  variances.tail(variances.size() - map.base()).array() += kRounding * largest;
   return loaded;
 }
 
@@ -217,7 +217,7 @@ std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const 
     m.here.push_back(filter.variables().point(l.variable));
     m.there.push_back(map_->landmarks[known->second].position);
     rows_here.push_back(filter.rowOf(l.variable));
-    rows_there.push_back(kSavedBase + 3 * static_cast<Eigen::Index>(known->second));
+    rows_there.push_back(map_->rowOf(known->second));
   }
   const std::size_t matches = m.ids.size();
   if (matches < kLeastMatches) return std::nullopt;
@@ -259,7 +259,7 @@ bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landma
   any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
   moved.addNoise(0, Matrix6d(any.cwiseAbs2().asDiagonal()));
   LoadedMap loaded = loadedFrom(*map_);
-  const Eigen::Index rows = loaded.covariance.rows() - kSavedBase;
+  const Eigen::Index rows = loaded.covariance.rows() - map_->base();
   map.adopt(moved, loaded.landmarks, loaded.positions, loaded.covariance.bottomRightCorner(rows, rows),
             Eigen::MatrixXd::Zero(moved.rows(), rows));
   if (returning_there.fuse(moved, map, model, now, place.ids, kLeastFused) < kLeastFused ||

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <unordered_set>
@@ -10,8 +11,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kFarthest = 1e6;          // m, of a pose or landmark from the map's origin
-constexpr double kFastest = 1e3;           // m/s or rad/s, of a twist or bias
+constexpr double kLargestMean = 1e3;       // m/s, rad/s, ..., of any variable
 constexpr double kLargestVariance = 1e8;   // m^2, rad^2, ...: beyond it rounding alone is centimetres
 constexpr double kRotationRounding = 1e-6; // largest element of R^T R - I
 constexpr double kLatest = 4294967294.0;   // s, what a message's stamp can hold
@@ -39,6 +39,8 @@ void requireWithin(const Vector& v, double limit, const std::string& source, con
   }
 }
 
+bool isOfAName(char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; }
+
 void validateLandmarks(const SavedMap& map, const std::string& source) {
   const std::string allowed_count = "at most " + std::to_string(kMaxSavedLandmarks);
   if (map.landmarks.size() > kMaxSavedLandmarks)
@@ -48,7 +50,7 @@ void validateLandmarks(const SavedMap& map, const std::string& source) {
     const std::string field = "landmarks[" + std::to_string(i) + "]";
     if (!ids.insert(map.landmarks[i].id).second)
       refuse(source, field + ".id", std::to_string(map.landmarks[i].id), "every id once");
-    requireWithin(map.landmarks[i].position, kFarthest, source, field + ".position");
+    requireWithin(map.landmarks[i].position, kMaxSavedDistance, source, field + ".position");
   }
 }
 
@@ -98,22 +100,48 @@ void refuse(const std::string& source, const std::string& field, const std::stri
   throw MapError(source + ": " + field + " is " + value + ", allowed: " + allowed);
 }
 
+Eigen::Index SavedMap::base() const {
+  Eigen::Index rows = 6;
+  for (const SavedVariable& variable : variables) rows += variable.mean.size();
+  return rows;
+}
+
+void validate(const std::vector<SavedVariable>& variables, const std::string& source) {
+  if (variables.size() > kMaxSavedVariables)
+    refuse(source, "variables", std::to_string(variables.size()),
+           "at most " + std::to_string(kMaxSavedVariables));
+  std::unordered_set<std::string> names;
+  for (std::size_t i = 0; i < variables.size(); ++i) {
+    const auto& [name, mean] = variables[i];
+    const std::string field = "variables[" + std::to_string(i) + "]";
+    if (name.empty() || name.size() > kMaxSavedName || !std::all_of(name.begin(), name.end(), isOfAName)) {
+      refuse(source, field + ".name", "of " + std::to_string(name.size()) + " characters",
+             "1 to " + std::to_string(kMaxSavedName) + " of a to z, 0 to 9 and _");
+    }
+    if (!names.insert(name).second) refuse(source, field + ".name", name, "every name once");
+    const auto size = static_cast<std::size_t>(mean.size());
+    if (size == 0 || size > kMaxSavedRows)
+      refuse(source, field + ".mean", "of " + std::to_string(size) + " numbers",
+             "1 to " + std::to_string(kMaxSavedRows) + " numbers");
+    requireWithin(mean, kLargestMean, source, name);
+  }
+}
+
 void validate(const SavedMap& map, const std::string& source) {
   const double seconds = toSeconds(map.stamp);
   if (!(map.stamp > 0 && seconds < kLatest))
     refuse(source, "stamp", text(seconds), "from 1e-9 to " + text(kLatest) + " s");
-  requireWithin(map.world_T_imu.translation(), kFarthest, source, "pose.position");
+  requireWithin(map.world_T_imu.translation(), kMaxSavedDistance, source, "pose.position");
   if (!map.world_T_imu.rotation().allFinite() ||
       !so3::isRotation(map.world_T_imu.rotation(), kRotationRounding))
     refuse(source, "pose.orientation", "no rotation", "a quaternion of norm 1");
-  requireWithin(map.twist, kFastest, source, "twist");
-  requireWithin(map.bias, kFastest, source, "bias");
+  validate(map.variables, source);
   validateLandmarks(map, source);
-  const Eigen::Index rows = kSavedBase + 3 * static_cast<Eigen::Index>(map.landmarks.size());
+  const Eigen::Index rows = map.rowOf(map.landmarks.size());
   if (map.covariance.rows() != rows || map.covariance.cols() != rows) {
     refuse(source, "covariance",
            std::to_string(map.covariance.rows()) + " x " + std::to_string(map.covariance.cols()),
-           std::to_string(rows) + " x " + std::to_string(rows) + " for its landmarks");
+           std::to_string(rows) + " x " + std::to_string(rows) + " for its variables and landmarks");
   }
   validateEntries(map.covariance, source);
   validateDefinite(map.covariance, source);

@@ -1,6 +1,8 @@
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
-#include <utility>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
 
@@ -8,10 +10,39 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be worth keeping
+// m, standard deviation: one known to no better tells nothing about where a drive is. A correction of the
+// inverse depth can send a far point farther yet by a factor of five, its variance by 5^4, and rounding
+// beside such numbers would be the other landmarks' errors.
+constexpr double kVaguest = 1e3;
+
+/// The filter's variable of this name and size.
+std::optional<Handle> find(const SavedVariable& variable, const Filter& filter) {
+  const auto handle = filter.variables().find(variable.name);
+  return handle && filter.variables().sizeOf(*handle) == variable.mean.size() ? handle : std::nullopt;
+}
+
+/// (m x n) 1 where a row of the map's covariance is that of the filter's error, of n rows; m before the
+/// landmarks.
+Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter) {
+  Eigen::MatrixXd same = Eigen::MatrixXd::Zero(map.base(), filter.rows());
+  same.topLeftCorner<6, 6>().setIdentity();
+  Eigen::Index row = 6;
+  for (const SavedVariable& variable : map.variables) {
+    const Eigen::Index size = variable.mean.size();
+    if (const auto handle = find(variable, filter))
+      same.block(row, filter.rowOf(*handle), size, size).setIdentity();
+    row += size;
+  }
+  return same;
+}
+
+bool isWorthSaving(const Eigen::Vector3d& position, const Eigen::Vector3d& variances) {
+  return position.cwiseAbs().maxCoeff() <= kMaxSavedDistance && variances.maxCoeff() <= kVaguest * kVaguest;
+}
 
 } // namespace
 
-SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, const MotionModel& motion, Stamp stamp) {
+SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   filter.settle();
   // Landmarks in view are saved as if they left now.
   for (std::size_t i = landmarks.active().size(); i-- > 0;) {
@@ -25,42 +56,67 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, const MotionModel& mot
   if (filter.inactive().size() > kMaxSavedLandmarks)
     filter.marginaliseOldest(filter.inactive().size() - kMaxSavedLandmarks);
   filter.settleInactive();
-  const InactiveStore& inactive = filter.inactive();
-  const Eigen::Index rows = inactive.isEmpty() ? 0 : inactive.rows();
   SavedMap map;
   map.stamp = stamp;
   map.world_T_imu = filter.pose();
-  map.twist = motion.twist(filter);
-  map.bias = motion.bias(filter);
-  map.covariance.resize(kSavedBase + rows, kSavedBase + rows);
-  map.covariance.topLeftCorner<kSavedBase, kSavedBase>() =
-      filter.covariance().topLeftCorner<kSavedBase, kSavedBase>();
-  if (rows == 0) return map;
-  map.covariance.topRightCorner(kSavedBase, rows) = inactive.cross().topRows<kSavedBase>();
-  map.covariance.bottomLeftCorner(rows, kSavedBase) = inactive.cross().topRows<kSavedBase>().transpose();
-  map.covariance.bottomRightCorner(rows, rows) = inactive.covariance();
-  for (const InactiveVariable& variable : inactive.variables()) {
+  for (const auto& [name, handle] : filter.variables().named())
+    map.variables.push_back({name, filter.variables().mean(handle)});
+  const InactiveStore& inactive = filter.inactive();
+  std::vector<Eigen::Index> rows; // of those that are saved, in the store
+  for (std::size_t i = 0; i < inactive.size(); ++i) {
+    const InactiveVariable& variable = inactive.variables()[i];
+    const Eigen::Index row = inactive.rowOf(i);
+    if (!isWorthSaving(variable.mean, inactive.covariance().diagonal().segment<3>(row))) continue;
     const Landmark& landmark = landmarks.inactive(variable.handle);
     map.landmarks.push_back({landmark.id, variable.mean, landmark.observations});
+    rows.push_back(row);
+  }
+  const Eigen::MatrixXd same = sameRows(map, filter);
+  const Eigen::Index base = map.base(), end = map.rowOf(rows.size());
+  Eigen::MatrixXd& P = map.covariance;
+  P.resize(end, end);
+  P.topLeftCorner(base, base) = same * filter.covariance() * same.transpose();
+  Eigen::Index column = base;
+  for (const Eigen::Index from : rows) {
+    P.block(0, column, base, 3) = same * inactive.cross().middleCols<3>(from);
+    P.block(column, 0, 3, base) = P.block(0, column, base, 3).transpose();
+    Eigen::Index row = base;
+    for (const Eigen::Index other : rows) {
+      P.block<3, 3>(row, column) = inactive.covariance().block<3, 3>(other, from);
+      row += 3;
+    }
+    column += 3;
   }
   return map;
 }
 
-void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks, const MotionModel& motion) {
+void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks) {
   LoadedMap loaded = loadedFrom(map);
-  const Eigen::Index rows = loaded.covariance.rows() - kSavedBase, core = filter.coreRows();
+  const Eigen::Index base = map.base(), rows = loaded.covariance.rows() - base;
+  const Eigen::MatrixXd known = sameRows(map, filter).transpose();
+  const Eigen::VectorXd unknown = 1.0 - known.rowwise().sum().array();
   filter.begin(map.world_T_imu);
-  motion.set(filter, map.twist, map.bias);
-  Eigen::MatrixXd P = filter.covariance().topLeftCorner(core, core);
-  P.topRows(kSavedBase).setZero();
-  P.leftCols(kSavedBase).setZero();
-  P.topLeftCorner<kSavedBase, kSavedBase>() = loaded.covariance.topLeftCorner<kSavedBase, kSavedBase>();
-  filter.setCoreCovariance(P);
-  Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(core, rows);
-  cross.topRows<kSavedBase>() = loaded.covariance.topRightCorner(kSavedBase, rows);
+  for (const SavedVariable& variable : map.variables) {
+    if (const auto handle = find(variable, filter)) filter.setMean(*handle, variable.mean);
+  }
+  filter.setCoreCovariance(known * loaded.covariance.topLeftCorner(base, base) * known.transpose() +
+                           unknown.asDiagonal() * filter.covariance() * unknown.asDiagonal());
   if (rows > 0)
     landmarks.adopt(filter, loaded.landmarks, loaded.positions,
-                    loaded.covariance.bottomRightCorner(rows, rows), std::move(cross));
+                    loaded.covariance.bottomRightCorner(rows, rows),
+                    known * loaded.covariance.topRightCorner(base, rows));
+}
+
+void requireMotion(const SavedMap& map, const Filter& filter, const MotionModel& motion,
+                   const std::string& source) {
+  const Eigen::VectorXd known = sameRows(map, filter).colwise().sum();
+  for (const std::string& name : motion.variables()) {
+    const Handle handle = filter.variables().find(name).value();
+    const Eigen::Index size = filter.variables().sizeOf(handle);
+    if (known.segment(filter.rowOf(handle), size).isOnes()) continue;
+    refuse(source, "variable " + name, "missing or of another size",
+           std::to_string(size) + " numbers, to resume from; relocalising in the map needs none");
+  }
 }
 
 } // namespace vi_ekf_slam

@@ -13,9 +13,9 @@ Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d
 
 void ConstantTwist::addTo(Filter& filter) {
   twist_ = filter.augment(Chart::kVector, Vector6d::Zero(),
-                          options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+                          options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix(), {}, kTwist);
   bias_ = filter.augment(Chart::kVector, prior_bias_,
-                         options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+                         options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix(), {}, kBias);
 }
 
 void ConstantTwist::setBiasPrior(Filter& filter, const TwistBias& bias) {

@@ -6,11 +6,14 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kMinDepth = 0.3;    // m
+constexpr double kWidest = 5.0;      // of x/z and y/z: no rectified pair sees so far to the side (79 deg)
 constexpr double kLeastShrink = 0.2; // of the inverse depth, by one correction
 
 } // namespace
 
-bool InverseDepth::isDefined(const Eigen::Vector3d& q) { return q.z() > kMinDepth; }
+bool InverseDepth::isDefined(const Eigen::Vector3d& q) {
+  return q.z() > kMinDepth && q.head<2>().cwiseAbs().maxCoeff() <= kWidest * q.z();
+}
 
 Eigen::Matrix3d InverseDepth::jacobian(const Eigen::Vector3d& q) {
   const double rho = 1.0 / q.z();

@@ -42,7 +42,8 @@ void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
   motion_->addTo(filter_);
   if (config_.scale_sigma > 0.0)
     scale_ = filter_.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
-                             Eigen::MatrixXd::Constant(1, 1, config_.scale_sigma * config_.scale_sigma));
+                             Eigen::MatrixXd::Constant(1, 1, config_.scale_sigma * config_.scale_sigma), {},
+                             StereoModel::kScaleName);
   slip_.addTo(filter_);
   filter_.closeCore();
   last_position_ = pose.translation();
@@ -287,9 +288,7 @@ std::function<std::vector<LandmarkEstimate>()> InvariantEstimator::exactMap() co
 
 std::function<SavedMap()> InvariantEstimator::savedMap() const {
   if (!keepsJointMap() || !stamp_) return {};
-  return [filter = filter_, map = map_, motion = motion_, stamp = *stamp_] {
-    return snapshotOf(filter, map, *motion, stamp);
-  };
+  return [filter = filter_, map = map_, stamp = *stamp_] { return snapshotOf(filter, map, stamp); };
 }
 
 void InvariantEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
@@ -297,7 +296,9 @@ void InvariantEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
   map_use_ = MapUse::kWaiting;
 }
 
-void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, double max_gap_s) {
+void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source,
+                                    double max_gap_s) {
+  requireMotion(*map, filter_, *motion_, source);
   resume_ = Resume{std::move(map), max_gap_s};
   map_use_ = MapUse::kWaiting;
 }
@@ -306,7 +307,7 @@ void InvariantEstimator::resume(Stamp stamp) {
   const Resume from = *std::exchange(resume_, std::nullopt);
   const double gap = secondsBetween(from.map->stamp, stamp);
   if (gap >= 0.0 && gap <= from.max_gap_s) {
-    restore(*from.map, filter_, map_, *motion_);
+    restore(*from.map, filter_, map_);
     if (isValid(filter_, true) && canBridge(gap)) {
       stamp_ = from.map->stamp;
       last_position_ = filter_.pose().translation();

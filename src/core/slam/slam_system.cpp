@@ -175,7 +175,7 @@ void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string&
 
 void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source) {
   requireJointMap(source);
-  estimator_->resumeFrom(std::move(map), config_.buffer.max_gap_s);
+  estimator_->resumeFrom(std::move(map), source, config_.buffer.max_gap_s);
 }
 
 /// Of what is used: features are not before the calibration is known.

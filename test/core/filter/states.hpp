@@ -100,7 +100,8 @@ inline Scene busyScene(Random& random, std::size_t points = 3, double scale_sigm
   Scene scene = coreScene(random, scale_sigma);
   Vector6d twist;
   twist << 8.0, 0.3, -0.2, 0.05, -0.1, 0.4;
-  scene.motion.set(scene.filter, twist, 0.01 * random.vector<6>(-1.0, 1.0));
+  scene.filter.setMean(scene.motion.twistVariable(), twist);
+  scene.filter.setMean(scene.motion.biasVariable(), 0.01 * random.vector<6>(-1.0, 1.0));
   if (scene.scale) scene.filter.setMean(*scene.scale, Eigen::VectorXd::Constant(1, 0.02));
   for (int i = 0; i < 20; ++i) scene.motion.propagate(scene.filter, 0.1);
   for (std::size_t i = 0; i < points; ++i) scene.addPoint(random);

@@ -79,6 +79,25 @@ TEST(VariablesTest, AHandleIsReusedOnceItIsReleasedAndNotBefore) {
   EXPECT_EQ(variables.point(a), Eigen::Vector3d::Constant(4.0));
 }
 
+TEST(VariablesTest, AreFoundByTheirNamesUntilTheyAreRemoved) {
+  Variables variables{SE3()};
+  const Handle a = variables.add(Chart::kVector, filled(4, 1.0), "a"),
+               point = variables.add(Chart::kPoint, filled(3, 2.0)),
+               b = variables.add(Chart::kVector, filled(4, 3.0), "b");
+  EXPECT_EQ(variables.find("a"), a);
+  EXPECT_EQ(variables.find("b"), b);
+  EXPECT_FALSE(variables.find("c") || variables.find(""));
+  EXPECT_THROW(variables.add(Chart::kVector, filled(1, 0.0), "a"), std::logic_error);
+  variables.remove(point);
+  EXPECT_EQ(variables.named().size(), 2u);
+  variables.remove(a);
+  EXPECT_FALSE(variables.find("a"));
+  EXPECT_EQ(variables.find("b"), b);
+  EXPECT_EQ(variables.find(""), std::nullopt);
+  const Handle again = variables.add(Chart::kVector, filled(2, 0.0), "a");
+  EXPECT_EQ(variables.find("a"), again);
+}
+
 TEST(VariablesTest, RefusesWhatFitsNoChart) {
   Variables variables{SE3()};
   EXPECT_THROW(variables.add(Chart::kPoint, filled(2, 0.0)), std::logic_error);

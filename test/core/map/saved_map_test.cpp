@@ -17,6 +17,7 @@ SavedMap example() {
   SavedMap map;
   map.stamp = fromSeconds(1000.5);
   map.world_T_imu = SE3::Exp(random.vector<6>(-1.0, 1.0));
+  map.variables = {{"twist", random.vector<6>(-1.0, 1.0)}, {"twist_bias", random.vector<6>(-0.1, 0.1)}};
   for (FeatureId id = 1; id <= 4; ++id) map.landmarks.push_back({id, random.vector<3>(-9.0, 9.0), 12});
   map.covariance = random.covariance<30>();
   return map;
@@ -28,6 +29,9 @@ TEST(SavedMap, AnHonestOneIsValid) {
   empty.landmarks.clear();
   empty.covariance = Eigen::MatrixXd::Zero(18, 18);
   EXPECT_NO_THROW(validate(empty, "FILE")) << "known exactly";
+  empty.variables.clear();
+  empty.covariance = Eigen::MatrixXd::Zero(6, 6);
+  EXPECT_NO_THROW(validate(empty, "FILE")) << "a pose alone";
 }
 
 TEST(SavedMap, WhatIsWrongIsNamedWithItsValueAndWhatIsAllowed) {
@@ -50,8 +54,21 @@ TEST(SavedMap, WhatIsWrongIsNamedWithItsValueAndWhatIsAllowed) {
          m.world_T_imu = {1.1 * Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.0}};
        },
        "pose.orientation", "no rotation"},
-      {[](SavedMap& m) { m.twist[2] = -1e4; }, "twist[2]", "-10000"},
-      {[](SavedMap& m) { m.bias[5] = std::numeric_limits<double>::infinity(); }, "bias[5]", "inf"},
+      {[](SavedMap& m) { m.variables[0].mean[2] = -1e4; }, "twist[2]", "-10000"},
+      {[](SavedMap& m) { m.variables[1].mean[5] = std::numeric_limits<double>::infinity(); }, "twist_bias[5]",
+       "inf"},
+      {[](SavedMap& m) { m.variables[1].name = "twist"; }, "variables[1].name", "twist"},
+      {[](SavedMap& m) { m.variables[1].name.clear(); }, "variables[1].name", "of 0 characters"},
+      {[](SavedMap& m) { m.variables[1].name.assign(33, 'x'); }, "variables[1].name", "of 33 characters"},
+      {[](SavedMap& m) { m.variables[0].name = "twist\n"; }, "variables[0].name", "of a to z"},
+      {[](SavedMap& m) { m.variables[0].mean.resize(0); }, "variables[0].mean", "of 0 numbers"},
+      {[](SavedMap& m) { m.variables[0].mean.setZero(33); }, "variables[0].mean", "of 33 numbers"},
+      {[](SavedMap& m) { m.variables[0].mean.setZero(5); }, "covariance", "29 x 29"},
+      {[](SavedMap& m) {
+         for (int i = 0; i < 15; ++i)
+           m.variables.push_back({"v" + std::to_string(i), Eigen::VectorXd::Zero(1)});
+       },
+       "variables", "17"},
       {[](SavedMap& m) { m.landmarks[3].id = 1; }, "landmarks[3].id", "1"},
       {[](SavedMap& m) { m.landmarks[2].position.z() = 2e6; }, "landmarks[2].position[2]", "2000000"},
       {[](SavedMap& m) { m.landmarks.pop_back(); }, "covariance", "30 x 30"},

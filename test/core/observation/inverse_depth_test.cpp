@@ -43,5 +43,15 @@ TEST(InverseDepth, MovesThePointInItsOwnCoordinates) {
   EXPECT_FALSE(InverseDepth::isDefined({0.0, 0.0, -1.0}));
 }
 
+// Points that were made active because they should come into view go past the camera unseen. Half a metre of
+// a correction would move such a one from 30 m on its right to 37 m on its left, and its variance likewise.
+TEST(InverseDepth, IsNotDefinedWhereNoCameraLooks) {
+  const Eigen::Vector3d beside(30.0, 0.0, 0.4), correction(0.0, 0.0, 0.5);
+  EXPECT_GT((InverseDepth::moved(beside, correction) - beside).norm(), 60.0);
+  EXPECT_FALSE(InverseDepth::isDefined(beside));
+  EXPECT_FALSE(InverseDepth::isDefined({0.0, -30.0, 5.0}));
+  EXPECT_TRUE(InverseDepth::isDefined({4.0, 4.0, 1.0}));
+}
+
 } // namespace
 } // namespace vi_ekf_slam::test

@@ -6,6 +6,7 @@ import os
 import sys
 import time
 
+import rosbag
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -20,6 +21,12 @@ ALONE = "begun anew, no map loaded"
 WAITING = "map loaded, not yet relocalised: poses are in a frame of their own"
 RELOCALISED = "relocalised in the loaded map"
 RESUMED = "resumed from the saved map"
+
+
+class Format1:
+    """MapState as it was, with what rosbag needs to write its bytes."""
+
+    _type, _md5sum, _full_text = "vi_ekf_slam/MapState", "b8c6e3bae06010c0888cce2f96b7df60", "float64[6] twist"
 
 
 class SavedMap(NodeRunner):
@@ -185,6 +192,10 @@ class SavedMap(NodeRunner):
         with open(path, "w", encoding="ascii") as file:
             file.write("none")
         self.assertIn(path, self.refused(map_file=path))
+        with rosbag.Bag(path, "w") as bag:
+            bag.write("map", (Format1._type, bytes(1540), Format1._md5sum, Format1), raw=True)
+        self.assertIn(path + ": written by an older version (format 1), allowed: format 2; save it anew",
+                      self.refused(map_file=path))
         self.assertIn("map_file", self.refused(map_file=3))
         self.assertIn("resume", self.refused(output_dir=self.output, resume="perhaps"))
         self.assertIn("output_dir", self.refused(resume=True))

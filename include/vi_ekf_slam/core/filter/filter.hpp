@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -59,9 +60,10 @@ class Filter {
   /// The errors of these rows gain independent noise (k x k), such as a point that slides.
   void addNoise(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& noise);
 
-  // 2. Augment. A new variable's error is J x + noise (k x k), with J x of some rows, or that noise alone.
+  // 2. Augment. A new variable's error is J x + noise (k x k), with J x of some rows, or that noise alone. A
+  // saved map knows it by its `name`; without one it is not saved.
   Handle augment(Chart chart, const Eigen::VectorXd& mean, const Eigen::Ref<const Eigen::MatrixXd>& noise,
-                 const LinearFunction& by = {});
+                 const LinearFunction& by = {}, const std::string& name = {});
   /// The variables there are now are the core. Once, at the start.
   void closeCore();
 

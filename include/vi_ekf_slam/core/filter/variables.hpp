@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
@@ -40,8 +41,8 @@ class Variables {
  public:
   explicit Variables(const SE3& pose);
 
-  /// A new last variable. `mean` has as many entries as its error has rows.
-  Handle add(Chart chart, const Eigen::VectorXd& mean);
+  /// A new last variable. `mean` has as many entries as its error has rows. `name`: none, or its own alone.
+  Handle add(Chart chart, const Eigen::VectorXd& mean, const std::string& name = {});
 
   /// The rows [row, row + size) are gone. What lay in [from, from + size) lies there now (the last variable,
   /// of the same size), or, where `shifts`, everything behind moved up.
@@ -67,6 +68,14 @@ class Variables {
   bool contains(Handle handle) const { return handle < slots_.size() && slots_[handle].size > 0; }
   /// All of them, by their rows.
   const std::vector<Handle>& handles() const { return order_; }
+  /// By its name; nothing where there is none.
+  std::optional<Handle> find(const std::string& name) const;
+  /// Those that have a name, in the order in which they were added.
+  struct Named {
+    std::string name;
+    Handle handle;
+  };
+  const std::vector<Named>& named() const { return named_; }
 
   const SE3& pose() const { return pose_; }
   void setPose(const SE3& pose) { pose_ = pose; }
@@ -97,6 +106,7 @@ class Variables {
   Eigen::VectorXd mean_; ///< row by row like the errors, with room for more; the pose's rows are not used
   std::vector<Slot> slots_;
   std::vector<Handle> free_, order_;
+  std::vector<Named> named_;
   Eigen::Index rows_ = 0;
 };
 

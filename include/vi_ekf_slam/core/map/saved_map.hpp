@@ -17,10 +17,18 @@ class MapError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// More landmarks are not saved, nor read: their covariance takes (18 + 3 k)^2 numbers, 1.2 GB of memory.
+/// More landmarks are not saved, nor read: their covariance takes (3 k)^2 numbers, 1.2 GB of memory.
 constexpr std::size_t kMaxSavedLandmarks = 4000;
-/// Rows of the joint covariance before those of the landmarks.
-constexpr Eigen::Index kSavedBase = 18;
+/// Nor more variables, nor longer ones (rows), nor longer names (characters).
+constexpr std::size_t kMaxSavedVariables = 16, kMaxSavedRows = 32, kMaxSavedName = 32;
+/// m, of a pose or landmark from the map's origin.
+constexpr double kMaxSavedDistance = 1e6;
+
+/// What the filter has beside pose and landmarks: a motion model's variables, biases, calibration.
+struct SavedVariable {
+  std::string name;     ///< unique, of a to z, 0 to 9 and _: what it is, its units and its axes
+  Eigen::VectorXd mean; ///< as many numbers as its error has rows
+};
 
 struct SavedLandmark {
   FeatureId id = 0;
@@ -32,17 +40,22 @@ struct SavedLandmark {
 struct SavedMap {
   Stamp stamp = 0;
   SE3 world_T_imu;
-  Vector6d twist = Vector6d::Zero();    ///< (v in m/s, omega in rad/s), IMU frame
-  Vector6d bias = Vector6d::Zero();     ///< of the measured twist, same order, units and frame
+  std::vector<SavedVariable> variables; ///< in the order of their errors
   std::vector<SavedLandmark> landmarks; ///< unique ids, the one that is longest out of view first
-  /// (18 + 3 k) square, of the errors of position (m), rotation (rad; R = Exp(dtheta) R^), twist, bias and of
-  /// each landmark (m), along the world axes.
+  /// (base + 3 k) square, of the errors of position (m), rotation (rad; R = Exp(dtheta) R^), of each variable
+  /// (as it is named) and of each landmark (m), along the world axes.
   Eigen::MatrixXd covariance;
+
+  /// Rows of the covariance before those of the landmarks.
+  Eigen::Index base() const;
+  Eigen::Index rowOf(std::size_t landmark) const { return base() + 3 * static_cast<Eigen::Index>(landmark); }
 };
 
 /// Throws MapError, in the name of `source`, unless all of it is finite and within what a drive can reach,
 /// and the covariance symmetric and positive semidefinite.
 void validate(const SavedMap& map, const std::string& source);
+/// The same for the variables alone: their number, names, sizes and values.
+void validate(const std::vector<SavedVariable>& variables, const std::string& source);
 
 /// Throws the MapError of `field`, which has this value.
 [[noreturn]] void refuse(const std::string& source, const std::string& field, const std::string& value,

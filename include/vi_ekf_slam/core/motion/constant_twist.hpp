@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "vi_ekf_slam/core/motion/motion_model.hpp"
 
 namespace vi_ekf_slam {
@@ -25,7 +28,12 @@ class ConstantTwist : public MotionModel {
 
   explicit ConstantTwist(const Options& options) : options_(options) {}
 
+  /// Names of its variables: (v, omega) in m/s and rad/s, body's axes, and the bias of what is measured of
+  /// it.
+  static constexpr const char *kTwist = "twist", *kBias = "twist_bias";
+
   void addTo(Filter& filter) override;
+  std::vector<std::string> variables() const override { return {kTwist, kBias}; }
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
   void propagate(Filter& filter, double dt) const override;
   void process(Filter& filter, const GyroSample& sample) const override;
@@ -37,10 +45,6 @@ class ConstantTwist : public MotionModel {
   Vector6d twist(const Filter& filter) const override { return filter.variables().mean(twist_); }
   Matrix6d twistCovariance(const Filter& filter) const override { return filter.covariance(twist_); }
   Vector6d bias(const Filter& filter) const override { return filter.variables().mean(bias_); }
-  void set(Filter& filter, const Vector6d& twist, const Vector6d& bias) const override {
-    filter.setMean(twist_, twist);
-    filter.setMean(bias_, bias);
-  }
   Eigen::Vector3d gyroBias(const Filter& filter) const override;
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
   double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 
@@ -13,6 +16,8 @@ class MotionModel {
 
   /// Adds its variables to a filter that has nothing but the pose.
   virtual void addTo(Filter& filter) = 0;
+  /// Their names: what must be known of a drive to go on from there.
+  virtual std::vector<std::string> variables() const = 0;
   /// What is known of the biases beforehand, in place of the configured prior: from now on, what
   /// was learned is forgotten, and after every reset.
   virtual void setBiasPrior(Filter& filter, const TwistBias& bias) = 0;
@@ -33,8 +38,6 @@ class MotionModel {
   virtual Matrix6d twistCovariance(const Filter& filter) const = 0;
   /// Of what the sensors measure of the twist, same order, units and axes.
   virtual Vector6d bias(const Filter& filter) const = 0;
-  /// Sets both means.
-  virtual void set(Filter& filter, const Vector6d& twist, const Vector6d& bias) const = 0;
   /// What the gyro reads at rest (rad/s) and its covariance.
   virtual Eigen::Vector3d gyroBias(const Filter& filter) const = 0;
   virtual Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const = 0;

@@ -8,7 +8,8 @@ namespace vi_ekf_slam {
 /// linear (Civera, Davison and Montiel, "Inverse depth parametrization for monocular SLAM", 2008, anchored in
 /// the current camera).
 struct InverseDepth {
-  /// Whether the point (m) is far enough before the camera for the coordinates to make sense.
+  /// Whether the point (m) is far enough before the camera for the coordinates to make sense, and where a
+  /// camera can see it.
   static bool isDefined(const Eigen::Vector3d& q);
 
   /// 3x3 derivative of the coordinates by the point.

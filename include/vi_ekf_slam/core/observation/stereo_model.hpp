@@ -13,6 +13,8 @@ namespace vi_ekf_slam {
 /// world is turned or shifted does not appear.
 class StereoModel {
  public:
+  static constexpr const char* kScaleName = "scale"; ///< of the baseline's scale, in a saved map
+
   struct Options {
     double pixel_sigma = 1.15;   ///< px, of each of the four coordinates of a feature
     double min_disparity = 1.0;  ///< px

@@ -24,6 +24,8 @@ class TrackSlip {
     double length_m = 20.0;         ///< over which it stays the same
   };
 
+  static constexpr const char* kName = "slip"; ///< of its variable, in a saved map
+
   explicit TrackSlip(const Options& options) : options_(options) {}
 
   /// Adds its variable to a filter's core.

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
@@ -118,8 +119,10 @@ class Estimator {
   /// its own.
   virtual void relocaliseIn(std::shared_ptr<const SavedMap> /*map*/) {}
   /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first
-  /// measurement; else as relocaliseIn.
-  virtual void resumeFrom(std::shared_ptr<const SavedMap> /*map*/, double /*max_gap_s*/) {}
+  /// measurement; else as relocaliseIn. Throws MapError, in the name of `source`, for a map of another motion
+  /// model, in which a place can be found all the same.
+  virtual void resumeFrom(std::shared_ptr<const SavedMap> /*map*/, const std::string& /*source*/,
+                          double /*max_gap_s*/) {}
   virtual MapUse mapUse() const { return MapUse::kNone; }
 };
 

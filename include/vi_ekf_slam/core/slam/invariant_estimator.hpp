@@ -32,7 +32,7 @@ class InvariantEstimator : public Estimator {
   bool keepsJointMap() const override { return map_.keepsInactive(); }
   std::function<SavedMap()> savedMap() const override;
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override;
-  void resumeFrom(std::shared_ptr<const SavedMap> map, double max_gap_s) override;
+  void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
   MapUse mapUse() const override { return map_use_; }
 
  private:
@@ -58,7 +58,7 @@ class InvariantEstimator : public Estimator {
   };
 
   InvariantConfig config_;
-  std::shared_ptr<MotionModel> motion_; ///< shared with snapshots; has no state but its variables' handles
+  std::shared_ptr<MotionModel> motion_; ///< shared by copies; has no state but its variables' handles
   std::optional<Handle> scale_;
   std::optional<StereoModel> model_;
   TrackSlip slip_;

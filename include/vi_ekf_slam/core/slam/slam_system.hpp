@@ -101,7 +101,7 @@ class SlamSystem {
   /// that keeps no joint map.
   void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
   /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws
-  /// MapError as above.
+  /// MapError as above, and for a map of another motion model.
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
 
   const Estimator& estimator() const { return *estimator_; }
