@@ -13,6 +13,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr Eigen::Index kRoom = 300; // rows to begin with
+constexpr double kLargeTurn = 0.02; // rad, whose half square is 2 cm in 100 m: what first order misses
 
 /// (dp, theta) once the body is elsewhere and the error, as of the group, is the same: dp' = dp - [dp^]x
 /// theta.
@@ -86,9 +87,9 @@ void Filter::moveRest(Handle by, const Eigen::MatrixXd& G) {
   endPeriod(G, by);
 }
 
-/// The rest r keeps its world form d, y = d + X x_pose, with X0 and X1 = X0 M where the period began and ends,
-/// and moves by G x_by then: P_yy' = P_yy + X0 W^T + W X0^T - A Gamma Gamma^T A^T + G Z^T + Z G^T, with A = P_d0
-/// and Z = P_y,by + G P_by,by / 2.
+/// The rest r keeps its world form d, y = d + X x_pose, with X0 and X1 = X0 M where the period began and
+/// ends, and moves by G x_by then: P_yy' = P_yy + X0 W^T + W X0^T - A Gamma Gamma^T A^T + G Z^T + Z G^T, with
+/// A = P_d0 and Z = P_y,by + G P_by,by / 2.
 void Filter::endPeriod(const Eigen::MatrixXd& G, Handle by) {
   core_.close();
   const Eigen::Index c = core_rows_, n = rows(), r = n - c;
@@ -210,6 +211,9 @@ bool Filter::correct(const LinearMeasurement& z) {
 
 /// P - K S K^T = P - A A^T with A = P H^T L^-T, symmetric by construction.
 bool Filter::correct(const Innovation& in, const PointChart& chart) {
+  const bool turns = !inactive_.isEmpty() && in.error().segment<3>(3).norm() > kLargeTurn;
+  const std::vector<Eigen::VectorXd> inactive_before =
+      turns ? settledMeans() : std::vector<Eigen::VectorXd>();
   const std::optional<DirectUpdate> direct = DirectUpdate::make(in);
   Eigen::MatrixXd root;
   if (direct) {
@@ -234,6 +238,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
       X.template middleRows<3>(row) = (M * X.template middleRows<3>(row)).eval();
   });
   transportPose(before);
+  if (turns) moveInactive(inactive_before);
   return true;
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
+#include "vi_ekf_slam/core/filter/rigid_chain.hpp"
 #include "vi_ekf_slam/core/filter/symmetric.hpp"
 
 namespace vi_ekf_slam {
@@ -73,6 +74,30 @@ void Filter::activate(const std::vector<Handle>& handles) {
   inactive_.take(handles, with_others);
 }
 
+std::vector<Eigen::VectorXd> Filter::settledMeans() {
+  inactive_.settle();
+  std::vector<Eigen::VectorXd> means;
+  for (const InactiveVariable& variable : inactive_.variables()) means.push_back(variable.mean);
+  return means;
+}
+
+/// A correction that turns has moved the inactive points from `before` to first order; they are to move
+/// rigidly.
+void Filter::moveInactive(const std::vector<Eigen::VectorXd>& before) {
+  std::vector<Eigen::VectorXd> means = settledMeans();
+  std::vector<std::size_t> index;
+  std::vector<Eigen::Vector3d> points, corrections;
+  for (std::size_t i = 0; i < means.size(); ++i) {
+    if (variables_.chartOf(inactive_.variables()[i].handle) != Chart::kPoint) continue;
+    index.push_back(i);
+    points.emplace_back(before[i]);
+    corrections.emplace_back(means[i] - before[i]);
+  }
+  const std::vector<Eigen::Vector3d> moved = moveAsChain(points, corrections);
+  for (std::size_t k = 0; k < index.size(); ++k) means[index[k]] = moved[k];
+  inactive_.setMeans(means);
+}
+
 std::vector<Handle> Filter::marginaliseOldest(std::size_t count) {
   settle();
   const std::vector<Handle> gone = inactive_.marginaliseOldest(count);
@@ -94,7 +119,9 @@ void Filter::moveWorld(const SE3& to_T_world) {
   if (!inactive_.isEmpty()) throw std::logic_error("a world with inactive variables cannot be moved");
   const Eigen::Matrix3d& R = to_T_world.rotation();
   onBothSides(P(), [&](Eigen::Ref<Eigen::MatrixXd> half) {
-    const auto turn = [&](Eigen::Index row) { half.middleRows<3>(row) = (R * half.middleRows<3>(row)).eval(); };
+    const auto turn = [&](Eigen::Index row) {
+      half.middleRows<3>(row) = (R * half.middleRows<3>(row)).eval();
+    };
     for (const Handle handle : variables_.handles()) {
       const Eigen::Index row = rowOf(handle);
       if (variables_.chartOf(handle) == Chart::kVector) continue;

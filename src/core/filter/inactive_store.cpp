@@ -311,6 +311,11 @@ void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::Matrix
   release();
 }
 
+void InactiveStore::setMeans(const std::vector<Eigen::VectorXd>& means) {
+  auto& variables = ownSettled().variables;
+  for (std::size_t i = 0; i < variables.size(); ++i) variables[i].mean = means[i];
+}
+
 std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const {
   std::vector<Estimate> result(size());
   std::size_t next = size();

@@ -32,9 +32,9 @@ class DirectUpdate {
 
  private:
   struct Seen {
-    Eigen::Index row;          ///< of the errors, the first of three
-    Eigen::Matrix3d J_inverse; ///< m/px
-    Eigen::Matrix3d noise;     ///< R
+    Eigen::Index row;                            ///< of the errors, the first of three
+    Eigen::Matrix3d J_inverse;                   ///< m/px
+    Eigen::Matrix3d noise;                       ///< R
     std::vector<LinearMeasurement::Term> others; ///< G, by J^-1
   };
   struct Rest {

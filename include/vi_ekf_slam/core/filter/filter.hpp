@@ -113,6 +113,8 @@ class Filter {
   Eigen::MatrixXd poseInfluence(const Eigen::Vector3d& position) const;
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
+  std::vector<Eigen::VectorXd> settledMeans();
+  void moveInactive(const std::vector<Eigen::VectorXd>& before);
   void erase(const Variables::Gone& gone, Eigen::Index rows_before);
   void reserve(Eigen::Index rows);
 

@@ -16,7 +16,8 @@ namespace vi_ekf_slam {
 struct InactiveVariable {
   Handle handle = 0;
   Eigen::VectorXd mean;
-  Eigen::VectorXd linearised; ///< its mean when it was made inactive: where its error was converted, and is back
+  Eigen::VectorXd
+      linearised; ///< its mean when it was made inactive: where its error was converted, and is back
 };
 
 /// The variables that take part in no measurement, exactly in the joint covariance with the active ones and
@@ -30,8 +31,9 @@ struct InactiveVariable {
 ///
 ///   P_xd = F P_x0d,   P_dd' = P_dd - P_dx0 Omega P_x0d,   d^' = d^ + P_dx0 psi,
 ///
-/// with F, Omega and psi of the size of x alone. They are kept up to date at once, for a block of the drive at
-/// a time, in which some variables leave; what blocks do to older ones waits until these are wanted (settle).
+/// with F, Omega and psi of the size of x alone. They are kept up to date at once, for a block of the drive
+/// at a time, in which some variables leave; what blocks do to older ones waits until these are wanted
+/// (settle).
 class InactiveStore {
  public:
   std::size_t size() const { return serials_.size(); }
@@ -59,8 +61,8 @@ class InactiveStore {
   void forget(Eigen::Index row, Eigen::Index rows);
 
   /// The variable of the active rows [row, row + k) is made inactive: d = x_row + D x_pose + noise, with D
-  /// (k x 6) for the pose's errors, `own` (k x k) the covariance of d, and `cross` (n x k) that of x with d. To
-  /// be erased from the active ones afterwards.
+  /// (k x 6) for the pose's errors, `own` (k x k) the covariance of d, and `cross` (n x k) that of x with d.
+  /// To be erased from the active ones afterwards.
   void add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index row,
            const Eigen::Ref<const Eigen::MatrixXd>& D, const Eigen::Ref<const Eigen::MatrixXd>& own,
            const Eigen::Ref<const Eigen::MatrixXd>& cross);
@@ -79,6 +81,8 @@ class InactiveStore {
   const Eigen::MatrixXd& covariance() const { return settled_->covariance; }
   /// Of the active errors with d (n x N).
   const Eigen::MatrixXd& cross() const { return settled_->cross; }
+  /// Their means are others.
+  void setMeans(const std::vector<Eigen::VectorXd>& means);
   /// Takes some out: they are the last active rows now, `with_others` (k x N) their covariance with all d.
   void take(const std::vector<Handle>& handles, const Eigen::MatrixXd& with_others);
 
@@ -90,8 +94,8 @@ class InactiveStore {
   /// `covariance` of their errors d (N x N) and `cross` (n x N) of the active errors with them.
   void adopt(std::vector<InactiveVariable> variables, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
 
-  /// All, in the order of variables(), with the means of now; and, with `exact`, the covariances of now in the
-  /// place of those when last settled, which are never smaller.
+  /// All, in the order of variables(), with the means of now; and, with `exact`, the covariances of now in
+  /// the place of those when last settled, which are never smaller.
   struct Estimate {
     InactiveVariable variable;
     Eigen::MatrixXd covariance;
