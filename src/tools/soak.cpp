@@ -29,6 +29,7 @@ constexpr double kReportPeriod = 3600; // s of sensor time
 constexpr double kMapPeriod = 60.0;    // s of sensor time between maps as messages
 constexpr double kMemoryPeriod = 60.0; // s of sensor time between samples
 constexpr std::size_t kHour = 60;      // samples
+constexpr std::size_t kWarmUp = 2 * kHour; // until all that is bounded is full; the archive is after an hour
 constexpr double kAllowedGrowth = 0.05;
 
 const char* const kUsage =
@@ -158,7 +159,7 @@ class Soak {
     drive.features_min = std::min(drive.features_min, options_.features / 2 + 1);
     drive.duration = static_cast<double>(options_.frames) / kFrameRate;
     drive.frame_rate = kFrameRate;
-    drive.track_median = 0.4; // short tracks: map and archive are full within the first hour
+    drive.track_median = 0.4; // short tracks: map and archive fill soon
     simulation::DriveSimulator simulator(drive);
     system_.setRig(simulator.rig());
     while (auto step = simulator.next()) {
@@ -220,14 +221,14 @@ class Soak {
     return count > 0 ? sum / static_cast<double>(count) : 0.0;
   }
 
-  /// How much more of it the hour that needs most has in the mean than the end of the first hour. The moment
-  /// tells little: the map grows and is cut every few seconds.
+  /// How much more of it the hour that needs most has in the mean than the last quarter of the warm-up. The
+  /// moment tells little: the map grows and is cut every few seconds.
   double memoryGrowth() const {
-    if (memory_.size() <= kHour) return 0.0;
+    if (memory_.size() <= kWarmUp) return 0.0;
     constexpr std::size_t kQuarter = kHour / 4;
     double reference = 0.0, largest = 0.0;
-    for (std::size_t i = kHour - kQuarter; i < kHour; ++i) reference += memory_[i] / kQuarter;
-    for (std::size_t from = kHour; from + kQuarter <= memory_.size(); from += kHour)
+    for (std::size_t i = kWarmUp - kQuarter; i < kWarmUp; ++i) reference += memory_[i] / kQuarter;
+    for (std::size_t from = kWarmUp; from + kQuarter <= memory_.size(); from += kHour)
       largest = std::max(largest, meanMemory(from));
     return largest / reference - 1.0;
   }
@@ -238,7 +239,8 @@ class Soak {
     const auto landmarks = system_.estimator().landmarks();
     writer_.writeMap(options_.output, landmarks);
     writer_.writeSummary(options_.output,
-                         {"soak", "default", seconds(), system_.counts(), intake_.turnedAway()},
+                         {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(),
+                          system_.noise().streams()},
                          landmarks.size());
     std::ifstream file(options_.output + "/trajectory.tum");
     std::size_t lines = 0;
@@ -254,9 +256,9 @@ class Soak {
     const double growth = memoryGrowth();
     const double peak =
         memory_.empty() ? residentMegabytes() : *std::max_element(memory_.begin(), memory_.end());
-    if (growth > kAllowedGrowth) problem("memory has grown since the first hour");
+    if (growth > kAllowedGrowth) problem("memory has grown since the second hour");
     std::printf(
-        "%zu frames in %.0f s, memory %.1f MB at most, %+.2f %% since the first hour, %zu landmarks, %zu "
+        "%zu frames in %.0f s, memory %.1f MB at most, %+.2f %% since the second hour, %zu landmarks, %zu "
         "problems\n",
         frames_, seconds(), peak, 100.0 * growth, landmarks.size(), problems_);
     return problems_ == 0;

@@ -12,6 +12,7 @@
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
+#include "vi_ekf_slam/simulation/stale_repair.hpp"
 
 namespace vi_ekf_slam::simulation {
 namespace {
@@ -22,8 +23,9 @@ struct Closures {
 };
 
 /// A drive round a narrow block, whose two long streets run 40 m apart. A closure is wrong when it leaves the
-/// vehicle where it is not: by more than 3 m, and farther off than it was.
-Closures drive(std::uint64_t seed, double laps, bool recognise) {
+/// vehicle where it is not: by more than 3 m, and farther off than it was. `repaired`: ids that went astray
+/// at a stale frame are new ones, as dataset_to_bag.py makes them.
+Closures drive(std::uint64_t seed, double laps, bool recognise, bool repaired = true) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.seed = seed;
   options.laps = laps;
@@ -36,9 +38,11 @@ Closures drive(std::uint64_t seed, double laps, bool recognise) {
   DriveSimulator simulator(options);
   const auto estimator = makeEstimator(config);
   estimator->setRig(simulator.rig());
+  StaleRepair stale;
   Closures closures;
   double before = 0.0;
-  while (const std::optional<DriveStep> step = simulator.next()) {
+  while (std::optional<DriveStep> step = simulator.next()) {
+    if (repaired) stale.repair(*step);
     for (const Measurement& measurement : measurementsOf(*step)) {
       if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
         estimator->process(*gyro);
@@ -78,13 +82,18 @@ void expectNoWrongOne(std::uint64_t first, std::uint64_t last) {
     EXPECT_LT(with, without);
   }
   std::printf("\n");
-  EXPECT_GE(drives, static_cast<int>(seeds) / 3);
+  EXPECT_GE(drives, 0.95 * static_cast<double>(seeds));
 }
 
-// A place is recognised on the third drive.
 TEST(Places, AreRecognisedAndNotMistaken) { expectNoWrongOne(kSanitized ? 3 : 1, 3); }
 
-// Takes some minutes, and fails (docs/map.md): simulation_places_test --gtest_also_run_disabled_tests
+// The filter is surer of itself than it may be then, so that few places are recognised.
+TEST(Places, AreNotMistakenWhereTracksGoAstray) {
+  for (std::uint64_t seed = kSanitized ? 3 : 1; seed <= 3; ++seed)
+    EXPECT_EQ(drive(seed, 2, true, false).wrong, 0) << seed;
+}
+
+// Takes some minutes: simulation_places_test --gtest_also_run_disabled_tests
 TEST(Places, DISABLED_AreNotMistakenOnAHundredDrives) { expectNoWrongOne(1, 100); }
 
 } // namespace

@@ -23,9 +23,11 @@ constexpr double kNearPoint = 0.3;         // m: a corner found anew is not the 
 } // namespace
 
 bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
-  const double cost = filter.inactive().settlingCost();
-  allowance_ = std::min(allowance_ + seconds * kOperationsPerSecond, std::max(cost, 10.0 * kOperationsPerSecond));
-  if ((next_attempt_ && now < *next_attempt_) || filter.inactive().size() < kLeastBefore || allowance_ < cost)
+  // Without a bound, since a place that is recognised takes all of it. The cost goes up and down with what is
+  // in view: bounded by the cost of the moment, what was saved would be lost where it is least.
+  allowance_ += seconds * kOperationsPerSecond;
+  if ((next_attempt_ && now < *next_attempt_) || filter.inactive().size() < kLeastBefore ||
+      allowance_ < filter.inactive().settlingCost())
     return false;
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.active().size();
