@@ -14,14 +14,13 @@ void CompressedCore::open(const Eigen::Vector3d& position, const Eigen::Ref<cons
   psi_.setZero(size_);
 }
 
-void CompressedCore::correct(const Eigen::Ref<const Eigen::MatrixXd>& PHt,
-                             const Eigen::Ref<const Eigen::MatrixXd>& L, const Eigen::MatrixXd& H,
-                             const Eigen::VectorXd& nu) {
-  Eigen::MatrixXd weighted = H * Phi_; // L^-1 H Phi, then S^-1 H Phi
+void CompressedCore::correct(const LinearMeasurement& z, const Eigen::MatrixXd& PHt, const SmallMatrix& L) {
+  Eigen::MatrixXd weighted = Eigen::MatrixXd::Zero(z.rows(), size_); // H Phi, L^-1 H Phi, then S^-1 H Phi
+  z.addProduct(Phi_, weighted);
   L.triangularView<Eigen::Lower>().solveInPlace(weighted);
   Omega_.noalias() += weighted.transpose() * weighted;
   L.transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
-  psi_.noalias() += weighted.transpose() * nu;
+  psi_.noalias() += weighted.transpose() * z.residual();
   Phi_.noalias() -= PHt * weighted;
 }
 

@@ -5,6 +5,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "vi_ekf_slam/core/filter/four_by_three.hpp"
 #include "vi_ekf_slam/core/filter/symmetric.hpp"
 #include "vi_ekf_slam/core/filter/triangular.hpp"
 
@@ -21,6 +22,8 @@ namespace {
 /// The lower triangle alone: the columns of each point, then its rows.
 void reexpressLower(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
   for (const auto& [row, M] : points) {
+    auto own = P.block<3, 3>(row, row);
+    own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
     auto below = P.middleCols<3>(row).bottomRows(P.rows() - row);
     below = below.lazyProduct(M.transpose()).eval();
   }
@@ -120,6 +123,8 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
     if (moved != M.end()) weighted_A.back() *= moved->second->transpose();
     A.push_back(seen.noise * weighted_A.back());
   }
+  std::vector<FourByThree> A_transposed;
+  for (const Eigen::Matrix3d& a : A) A_transposed.emplace_back(a.transpose());
   const auto [own, cross] = correctRest(P, A);
   const auto rest = static_cast<Eigen::Index>(rest_.size());
   for (Eigen::Index j = 0; j < rest; ++j) {
@@ -139,21 +144,27 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
     auto below = column.bottomRows(column.rows() - first);
     below = S_inverse_.middleCols<3>(first).bottomRows(below.rows()).lazyProduct(-A[k]);
     column.middleRows<3>(first) += weighted_A[k];
-    for (std::size_t j = k; j < seen_.size(); ++j) {
-      const Eigen::Matrix3d block = A[j].transpose() * column.middleRows<3>(3 * static_cast<Eigen::Index>(j));
-      if (seen_[j].row >= to)
-        P.block<3, 3>(seen_[j].row, to) = block;
-      else
-        P.block<3, 3>(to, seen_[j].row) = block.transpose();
+    for (Eigen::Index c = 0; c < 3; ++c) {
+      for (std::size_t j = k; j < seen_.size(); ++j) {
+        const Eigen::Index row = seen_[j].row;
+        const Eigen::Vector3d entries =
+            A_transposed[j].times(column.col(c).segment<3>(3 * static_cast<Eigen::Index>(j)));
+        if (row >= to)
+          P.col(to + c).segment<3>(row) = entries;
+        else
+          P.row(to + c).segment<3>(row) = entries.transpose();
+      }
     }
   }
   std::vector<Variables::Reexpressed> unseen;
   for (const auto& point : points) {
-    const bool is_rest = std::find(rest_.begin(), rest_.end(), point.row) != rest_.end();
-    if (is_rest) unseen.push_back(point);
+    if (std::binary_search(rest_.begin(), rest_.end(), point.row)) unseen.push_back(point);
   }
-  reexpressLower(P, unseen);
+  const bool are_alone =
+      std::all_of(seen_.begin(), seen_.end(), [](const Seen& s) { return s.others.empty(); });
+  if (are_alone) reexpressLower(P, unseen);
   mirrorLower(P);
+  if (are_alone) return;
   // From y + G c to y.
   for (const Seen& seen : seen_) {
     for (const LinearMeasurement::Term& other : seen.others) {
@@ -163,6 +174,7 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
       P.middleRows<3>(seen.row).noalias() -= G * P.middleRows(other.column, G.cols());
     }
   }
+  reexpress(P, unseen);
 }
 
 } // namespace vi_ekf_slam

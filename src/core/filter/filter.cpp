@@ -15,12 +15,15 @@ namespace {
 constexpr Eigen::Index kRoom = 300; // rows to begin with
 constexpr double kLargeTurn = 0.02; // rad, whose half square is 2 cm in 100 m: what first order misses
 
-/// (dp, theta) once the body is elsewhere and the error, as of the group, is the same: dp' = dp - [dp^]x
+/// (dp, theta) once the body is elsewhere and the error, as of the group, is the same: dp' = dp - [moved]x
 /// theta.
-Matrix6d poseTransport(const Eigen::Vector3d& moved) {
-  Matrix6d T = Matrix6d::Identity();
-  T.topRightCorner<3, 3>() = -so3::hat(moved);
-  return T;
+template <class Matrix>
+void transportRows(Matrix&& X, const Eigen::Vector3d& moved) {
+  X.template topRows<3>().noalias() -= so3::hat(moved) * X.template middleRows<3>(3);
+}
+void transport(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Vector3d& moved) {
+  transportRows(P, moved);
+  P.leftCols<3>().noalias() += P.middleCols<3>(3) * so3::hat(moved);
 }
 
 } // namespace
@@ -65,14 +68,15 @@ Eigen::MatrixXd Filter::poseInfluence(const Eigen::Vector3d& position) const {
 
 /// Of P: F P F^T + Q of the core; its covariance with the rest waits.
 void Filter::propagate(const CoreStep& step) {
-  const Eigen::Index k = step.F.rows();
+  const Eigen::Index k = step.F.rows(), w = step.F.cols(), q = step.Q.rows();
   auto Pc = covariance_.topLeftCorner(core_rows_, core_rows_);
   core_.open(pose().translation(), Pc);
-  const Eigen::MatrixXd FP = step.F * Pc, FPF = FP * step.F.transpose();
+  const Eigen::MatrixXd FP = step.F * Pc.middleRows(step.row, w);
+  const Eigen::MatrixXd FPF = FP.middleCols(step.row, w) * step.F.transpose();
   Pc.middleRows(step.row, k) = FP;
   Pc.middleCols(step.row, k) = FP.transpose();
   Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
-  Pc += step.Q;
+  Pc.block(step.row, step.row, q, q) += step.Q;
   core_.transform(step.row, step.F);
   variables_.setPose(step.pose);
   for (const auto& [handle, mean] : step.means) variables_.mean(handle) = mean;
@@ -188,24 +192,28 @@ bool Filter::correct(const LinearMeasurement& z) {
     return in.factorise() && correct(in);
   }
   auto Pc = covariance_.topLeftCorner(c, c);
-  Innovation in(Pc, {z});
-  if (!in.factorise()) return false;
+  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(c, z.rows());
+  for (const LinearMeasurement::Term& term : z)
+    PHt.noalias() += Pc.middleCols(term.column, term.H.cols()).lazyProduct(term.H.transpose());
+  SmallMatrix S = z.noise();
+  z.addProduct(PHt, S);
+  const Eigen::LLT<SmallMatrix> llt(S);
+  if (llt.info() != Eigen::Success) return false;
+  const SmallMatrix L = llt.matrixL();
+  const Eigen::VectorXd error = PHt * SmallVector(llt.solve(z.residual()));
+  if (!error.allFinite()) return false;
   core_.open(pose().translation(), Pc);
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(z.rows(), c);
-  for (const LinearMeasurement::Term& term : z) H.middleCols(term.column, term.H.cols()) = term.H;
-  core_.correct(in.PHt(), in.L(), H, in.residual());
-  Eigen::MatrixXd root = in.PHt();
-  divideByLowerTransposed(root, in.L());
-  subtractSquare(Pc, root);
+  core_.correct(z, PHt, L);
+  L.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(PHt);
+  subtractSquare(Pc, PHt);
   const Eigen::Vector3d before = pose().translation();
-  const auto reexpressed = variables_.retract(in.error(), c, {});
+  const auto reexpressed = variables_.retract(error, c, {});
   reexpress(Pc, reexpressed);
   for (const auto& [row, M] : reexpressed)
     core_.Phi().middleRows<3>(row) = (M * core_.Phi().middleRows<3>(row)).eval();
-  const Matrix6d T = poseTransport(pose().translation() - before);
-  Pc.topRows<6>() = (T * Pc.topRows<6>()).eval();
-  Pc.leftCols<6>() = (Pc.leftCols<6>() * T.transpose()).eval();
-  core_.Phi().topRows<6>() = (T * core_.Phi().topRows<6>()).eval();
+  const Eigen::Vector3d moved = pose().translation() - before;
+  transport(Pc, moved);
+  transportRows(core_.Phi(), moved);
   return true;
 }
 
@@ -244,11 +252,9 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
 
 /// The body is elsewhere than at `before`; its error is not another one.
 void Filter::transportPose(const Eigen::Vector3d& before) {
-  const Matrix6d T = poseTransport(pose().translation() - before);
-  auto P = this->P();
-  P.topRows<6>() = (T * P.topRows<6>()).eval();
-  P.leftCols<6>() = (P.leftCols<6>() * T.transpose()).eval();
-  inactive_.transform([&T](auto X) { X.template topRows<6>() = (T * X.template topRows<6>()).eval(); });
+  const Eigen::Vector3d moved = pose().translation() - before;
+  transport(P(), moved);
+  inactive_.transform([&moved](auto X) { transportRows(X, moved); });
 }
 
 void Filter::remove(Handle handle) {

@@ -168,7 +168,8 @@ void InactiveStore::settle() {
   const Eigen::Index old = settled.first.back(), size = rows_;
   const auto old_count = settled.variables.size();
   for (const auto& block : blocks_) {
-    for (const InactiveVariable& variable : block->variables) push(settled.variables, settled.first, variable);
+    for (const InactiveVariable& variable : block->variables)
+      push(settled.variables, settled.first, variable);
   }
   const Eigen::Index all = settled.first.back();
   settled.covariance.conservativeResize(all, all);
@@ -210,8 +211,7 @@ void InactiveStore::settle() {
     P.topLeftCorner(old, old).triangularView<Eigen::Lower>() -= before.transpose() * learned;
     for (std::size_t i = 0; i < old_count; ++i) {
       InactiveVariable& variable = settled.variables[i];
-      variable.mean +=
-          before.middleCols(settled.first[i], variable.mean.size()).transpose() * correction;
+      variable.mean += before.middleCols(settled.first[i], variable.mean.size()).transpose() * correction;
     }
     cross.leftCols(old).noalias() = F * before;
     P.block(old, 0, all - old, old).noalias() = later * before;
@@ -264,7 +264,8 @@ void InactiveStore::drop(const std::vector<Handle>& handles) {
   auto& P = settled.covariance;
   for (Eigen::Index column = 0; column < rows; ++column) {
     const Eigen::Index source = from[static_cast<std::size_t>(column)];
-    for (Eigen::Index row = 0; row < rows; ++row) P(row, column) = P(from[static_cast<std::size_t>(row)], source);
+    for (Eigen::Index row = 0; row < rows; ++row)
+      P(row, column) = P(from[static_cast<std::size_t>(row)], source);
     if (source != column) settled.cross.col(column) = settled.cross.col(source);
   }
   P.conservativeResize(rows, rows);
@@ -358,7 +359,8 @@ std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const 
   }
   for (std::size_t i = 0; i < settled_->variables.size(); ++i) {
     const Eigen::Index row = settled_->first[i], rows = settled_->first[i + 1] - row;
-    result[i] = estimate(settled_->variables[i], settled_->covariance, row, settled_->cross.middleCols(row, rows));
+    result[i] =
+        estimate(settled_->variables[i], settled_->covariance, row, settled_->cross.middleCols(row, rows));
   }
   return result;
 }

@@ -6,9 +6,20 @@
 #include <numeric>
 #include <utility>
 
+#include "vi_ekf_slam/core/filter/four_by_three.hpp"
 #include "vi_ekf_slam/core/filter/triangular.hpp"
 
 namespace vi_ekf_slam {
+
+namespace {
+
+/// Of H: three rows, and the columns of one variable.
+struct Block {
+  Eigen::Index row, column;
+  FourByThree H;
+};
+
+} // namespace
 
 Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
                        std::vector<LinearMeasurement> measurements)
@@ -37,22 +48,33 @@ Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
     if (!begun) columns.setZero();
   }
   S_.resize(rows(), rows());
+  const bool are_direct =
+      std::all_of(measurements_.begin(), measurements_.end(), [](const LinearMeasurement& z) {
+        return z.rows() == 3 && z.termCount() == 1 && z.term(0).H.cols() == 3;
+      });
+  if (!are_direct) S_.setZero();
+  std::vector<Block> blocks; // of three by three
   for (std::size_t i = 0; i < measurements_.size(); ++i) {
     const LinearMeasurement& z = measurements_[i];
-    auto left = S_.block(first_[i], 0, z.rows(), first_[i + 1]);
-    left.setZero();
     for (const LinearMeasurement::Term& term : z) {
-      if (term.H.rows() == 3 && term.H.cols() == 3) {
-        const Eigen::Matrix3d H = term.H;
-        Eigen::Index column = 0;
-        for (; column + 3 <= left.cols(); column += 3)
-          left.middleCols<3>(column).noalias() += H.lazyProduct(PHt_.block<3, 3>(term.column, column));
-        for (; column < left.cols(); ++column)
-          left.col(column).noalias() += H * PHt_.col(column).segment<3>(term.column);
+      if (z.rows() == 3 && term.H.cols() == 3) {
+        blocks.push_back({first_[i], term.column, FourByThree(term.H)});
       } else {
-        left.noalias() += term.H * PHt_.block(term.column, 0, term.H.cols(), left.cols());
+        S_.block(first_[i], 0, z.rows(), first_[i + 1]).noalias() +=
+            term.H * PHt_.block(term.column, 0, term.H.cols(), first_[i + 1]);
       }
     }
+  }
+  for (Eigen::Index column = 0; column < rows(); ++column) {
+    for (const Block& block : blocks) {
+      if (block.row + 2 < column) continue;
+      auto three = S_.col(column).segment<3>(block.row);
+      const Eigen::Vector3d added = block.H.times(PHt_.col(column).segment<3>(block.column));
+      three = are_direct ? added : Eigen::Vector3d(three + added);
+    }
+  }
+  for (std::size_t i = 0; i < measurements_.size(); ++i) {
+    const LinearMeasurement& z = measurements_[i];
     S_.block(first_[i], first_[i], z.rows(), z.rows()) += z.noise();
   }
   column_.resize(static_cast<std::size_t>(rows()));
@@ -94,12 +116,16 @@ void Innovation::putFirst(const std::vector<bool>& chosen) {
   const Eigen::Index taking = rows(), all = first_.back();
   const auto rowFrom = [&from](Eigen::Index row) { return from[static_cast<std::size_t>(row)]; };
   Eigen::MatrixXd behind(all - taking, all);
-  for (Eigen::Index j = 0; j < all; ++j) {
-    for (Eigen::Index i = std::max(j, taking); i < all; ++i)
-      behind(i - taking, j) = S_(std::max(rowFrom(i), rowFrom(j)), std::min(rowFrom(i), rowFrom(j)));
+  for (std::size_t k = used_; k < measurements_.size(); ++k) {
+    for (Eigen::Index j = 0; j < first_[k + 1]; ++j) {
+      for (Eigen::Index i = first_[k]; i < first_[k + 1]; ++i)
+        behind(i - taking, j) = S_(std::max(rowFrom(i), rowFrom(j)), std::min(rowFrom(i), rowFrom(j)));
+    }
   }
-  for (Eigen::Index j = 0; j < taking; ++j) {
-    for (Eigen::Index i = j; i < taking; ++i) S_(i, j) = S_(rowFrom(i), rowFrom(j));
+  for (std::size_t k = 0; k < used_; ++k) {
+    for (Eigen::Index j = first_[k]; j < first_[k + 1]; ++j) {
+      for (Eigen::Index i = first_[k]; i < taking; ++i) S_(i, j) = S_(rowFrom(i), rowFrom(j));
+    }
   }
   S_.bottomRows(all - taking) = behind;
 }

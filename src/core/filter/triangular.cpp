@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-
 namespace vi_ekf_slam {
 namespace {
 

@@ -6,7 +6,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kNegligible = 1e-9;   // of a correlation matrix's eigenvalues
+constexpr double kNegligible = 1e-9; // of a correlation matrix's eigenvalues
 
 } // namespace
 

@@ -9,9 +9,7 @@
 
 namespace vi_ekf_slam {
 
-Variables::Variables(const SE3& pose) : pose_(pose) {
-  add(Chart::kPose, Eigen::VectorXd::Zero(6));
-}
+Variables::Variables(const SE3& pose) : pose_(pose) { add(Chart::kPose, Eigen::VectorXd::Zero(6)); }
 
 Handle Variables::reserve(Chart chart) {
   Handle handle = static_cast<Handle>(slots_.size());

@@ -15,7 +15,8 @@ constexpr double kFramesOfLag = 2.0;   // by which a front end that repeats itse
 constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
 constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed
 constexpr double kLostRotation = 0.1;  // rad
-constexpr double kAnyAngle = 1.0;      // rad, standard deviation of an angle that may be any, as far as it is linear
+constexpr double kAnyAngle =
+    1.0; // rad, standard deviation of an angle that may be any, as far as it is linear
 
 Matrix6d independent(double position_sigma, double rotation_sigma) {
   Vector6d sigma;
@@ -43,13 +44,11 @@ std::vector<Displaced> displacedPoints(const Filter& filter, const LandmarkMap& 
 /// Truth and estimate move by the same T <- T motion, so that the error of before stays, about the new
 /// position: dp' = dp - [p' - p]x theta.
 void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
-  const Eigen::Index c = filter.coreRows();
   CoreStep step;
   step.pose = (filter.pose() * motion).normalized();
-  step.F.setIdentity(6, c);
+  step.F.setIdentity(6, 6);
   step.F.block<3, 3>(0, 3) = -so3::hat(step.pose.translation() - filter.pose().translation());
-  step.Q.setZero(c, c);
-  step.Q.topLeftCorner<6, 6>() = covariance;
+  step.Q = covariance;
   filter.propagate(step);
   filter.settle();
 }
@@ -71,9 +70,9 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
                            const StereoFrame& frame, const std::vector<Association>& associations,
                            const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
-  const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, associations.size(), used,
-                                              outcome.skipped, outcome.capped_nis,
-                                              outcome.skipped ? 0 : 3 * associations.size()});
+  const Divergence divergence =
+      monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
+                    outcome.capped_nis, outcome.skipped ? 0 : 3 * associations.size()});
   const bool may_be_jump = options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_frame_ &&
                            static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;

@@ -37,12 +37,12 @@ void ConstantTwist::propagate(Filter& filter, double dt) const {
   moved.topRightCorner<3, 3>() = -so3::hat(step.pose.translation() - pose.translation());
   const Matrix6d turned = SE3(pose.rotation(), Eigen::Vector3d::Zero()).adjoint();
   const Matrix6d B = moved * (dt * turned * se3::leftJacobian(dt * nu));
-  const Eigen::Index c = filter.coreRows(), t = filter.rowOf(twist_), b = filter.rowOf(bias_);
-  step.F.setZero(6, c);
+  const Eigen::Index t = filter.rowOf(twist_), b = filter.rowOf(bias_);
+  step.F.setZero(6, t + 6);
   step.F.leftCols<6>() = moved;
   step.F.middleCols<6>(t) = B;
   const Vector6d Q = dt * options_.twist_density.cwiseAbs2();
-  step.Q.setZero(c, c);
+  step.Q.setZero(b + 6, b + 6);
   step.Q.topLeftCorner<6, 6>() = B * (Q / 3.0).asDiagonal() * B.transpose();
   step.Q.block<6, 6>(0, t) = B * (0.5 * Q).asDiagonal();
   step.Q.block<6, 6>(t, 0) = step.Q.block<6, 6>(0, t).transpose();

@@ -22,14 +22,11 @@ void TrackSlip::addTo(Filter& filter) {
 void TrackSlip::propagate(Filter& filter, double distance_m) const {
   if (!variable_ || !(distance_m > 0.0)) return;
   const double kept = std::exp(-distance_m / options_.length_m);
-  const Eigen::Index c = filter.coreRows(), row = filter.rowOf(*variable_);
   CoreStep step;
   step.pose = filter.pose();
-  step.row = row;
-  step.F.setZero(4, c);
-  step.F.middleCols<4>(row).diagonal().setConstant(kept);
-  step.Q.setZero(c, c);
-  step.Q.block<4, 4>(row, row) = ((1.0 - kept * kept) * variances()).asDiagonal();
+  step.row = filter.rowOf(*variable_);
+  step.F = kept * Eigen::Matrix4d::Identity();
+  step.Q = ((1.0 - kept * kept) * variances()).asDiagonal();
   step.means.emplace_back(*variable_, kept * filter.variables().mean(*variable_));
   filter.propagate(step);
 }

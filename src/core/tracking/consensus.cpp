@@ -9,26 +9,23 @@ namespace vi_ekf_slam {
 std::vector<bool> largestConsensus(const Innovation& in, double threshold,
                                    const std::vector<bool>& plausible) {
   const std::size_t count = in.measurements().size();
-  std::vector<Eigen::Vector3d> weighted(count), residuals(count);
-  for (std::size_t h = 0; h < count; ++h) {
-    residuals[h] = in.measurements()[h].residual();
-    weighted[h] = solvePositive(Eigen::Matrix3d(in.S(h, h)), residuals[h]);
-  }
+  const auto size = static_cast<Eigen::Index>(count);
+  const Eigen::VectorXd residual = in.residual();
   // Column h: what is left of each measurement after h's correction, px^2.
-  Eigen::MatrixXd left(static_cast<Eigen::Index>(count), static_cast<Eigen::Index>(count));
-  const auto squared = [](const Eigen::Vector3d& r) { // v stands for both rows
-    return r[0] * r[0] + 2.0 * r[1] * r[1] + r[2] * r[2];
-  };
-  for (std::size_t h = 0; h < count; ++h) {
+  Eigen::MatrixXd left(size, size);
+  Eigen::VectorXd rest;
+  for (Eigen::Index h = 0; h < size; ++h) {
+    const Eigen::Index row = 3 * h, behind = 3 * (size - h - 1);
+    const Eigen::Vector3d weighted = solvePositive(Eigen::Matrix3d(in.S().block<3, 3>(row, row)),
+                                                   Eigen::Vector3d(residual.segment<3>(row)));
+    rest = residual;
+    rest.head(row).noalias() -= in.S().block(row, 0, 3, row).transpose() * weighted;
+    rest.tail(behind).noalias() -= in.S().block(row + 3, row, behind, 3) * weighted;
     // S holds the noise on its diagonal, a residual does not.
-    const auto i = static_cast<Eigen::Index>(h);
-    left(i, i) = squared(Eigen::Matrix3d(in.measurements()[h].noise()) * weighted[h]);
-    for (std::size_t j = h + 1; j < count; ++j) {
-      const Eigen::Matrix3d cross = in.S(j, h);
-      const auto k = static_cast<Eigen::Index>(j);
-      left(k, i) = squared(residuals[j] - cross * weighted[h]);
-      left(i, k) = squared(residuals[h] - cross.transpose() * weighted[j]);
-    }
+    rest.segment<3>(row) = in.measurements()[static_cast<std::size_t>(h)].noise() * weighted;
+    rest = rest.cwiseAbs2().eval();
+    const Eigen::Map<const Eigen::Matrix3Xd> uvu(rest.data(), 3, size);
+    left.col(h) = uvu.row(0) + 2.0 * uvu.row(1) + uvu.row(2); // v stands for both rows
   }
   std::vector<bool> best(count, false), agrees(count, false);
   double best_score = 0.0;
@@ -36,10 +33,10 @@ std::vector<bool> largestConsensus(const Innovation& in, double threshold,
     if (!plausible[h]) continue;
     double score = 0.0;
     for (std::size_t j = 0; j < count; ++j) {
-      const double rest = left(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(h));
-      agrees[j] = plausible[j] && rest < threshold;
+      const double px2 = left(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(h));
+      agrees[j] = plausible[j] && px2 < threshold;
       // Among sets of a size the tighter one wins.
-      if (agrees[j]) score += 1.0 - 0.5 * rest / threshold;
+      if (agrees[j]) score += 1.0 - 0.5 * px2 / threshold;
     }
     if (score > best_score) {
       best_score = score;

@@ -27,7 +27,10 @@ class Stepped {
     const Eigen::MatrixXd PHt = P_.leftCols(size_) * H.transpose();
     const Eigen::MatrixXd S = H * PHt.topRows(size_) + R;
     const Eigen::VectorXd nu = z - H * error_.head(size_);
-    core_.correct(PHt.topRows(size_), Eigen::MatrixXd(S.llt().matrixL()), H, nu);
+    LinearMeasurement measurement(nu, R);
+    for (Eigen::Index column = 0; column < size_; column += 6)
+      measurement.by(column, H.middleCols(column, std::min<Eigen::Index>(6, size_ - column)));
+    core_.correct(measurement, PHt.topRows(size_), SmallMatrix(S.llt().matrixL()));
     const Eigen::MatrixXd K = PHt * inverseOf(S);
     P_ -= K * S * K.transpose();
     error_ += K * nu;
@@ -109,9 +112,9 @@ TEST(CompressedCoreTest, HasLearnedNothingWhereNothingWasMeasured) {
 
 TEST(CompressedCoreTest, SomeRowsMoveAsAllDoWhereTheOthersStay) {
   Random random(6);
-  const Eigen::MatrixXd P = randomCovariance(random, 9, 1.0), F = randomMatrix(random, 4, 9);
+  const Eigen::MatrixXd P = randomCovariance(random, 9, 1.0), F = randomMatrix(random, 4, 6);
   Eigen::MatrixXd all = Eigen::MatrixXd::Identity(9, 9);
-  all.middleRows(3, 4) = F;
+  all.block(3, 3, 4, 6) = F;
   CompressedCore some(9), whole(9);
   for (CompressedCore* core : {&some, &whole}) {
     core->open(Eigen::Vector3d::Zero(), P);

@@ -38,9 +38,9 @@ class DenseFilter {
   void propagate(const CoreStep& step) {
     open();
     Eigen::MatrixXd F = identity();
-    F.block(step.row, 0, step.F.rows(), core_rows_) = step.F;
+    F.block(step.row, step.row, step.F.rows(), step.F.cols()) = step.F;
     P_ = (F * P_ * F.transpose()).eval();
-    P_.topLeftCorner(core_rows_, core_rows_) += step.Q;
+    P_.block(step.row, step.row, step.Q.rows(), step.Q.rows()) += step.Q;
     pose_ = step.pose;
     for (const auto& [handle, mean] : step.means) of(handle).mean = mean;
   }

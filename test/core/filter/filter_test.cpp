@@ -142,9 +142,9 @@ class Pair {
     const Eigen::Index c = filter_.coreRows();
     CoreStep step;
     step.row = random_.uniform(0.0, 1.0) < 0.5 ? 0 : 6;
-    const Eigen::Index k = step.row == 0 ? c : 6;
-    step.F = Eigen::MatrixXd::Identity(c, c).middleRows(step.row, k) + 0.1 * randomMatrix(random_, k, c);
-    step.Q = randomCovariance(random_, c, 1e-4);
+    const Eigen::Index w = c - step.row, k = step.row == 0 ? c : 6;
+    step.F = Eigen::MatrixXd::Identity(k, w) + 0.1 * randomMatrix(random_, k, w);
+    step.Q = randomCovariance(random_, w - 1, 1e-4);
     step.pose = filter_.pose() * SE3::Exp(random_.vector<6>(-0.3, 0.3));
     step.means.emplace_back(core_[1], random_.vector<3>(-5.0, 5.0));
     filter_.propagate(step);
@@ -290,7 +290,7 @@ TEST(Filter, EqualsThePlainDenseFilterWhateverIsDone) {
     }
     direct += pair.direct_;
   }
-  EXPECT_GT(direct, 40);
+  EXPECT_GT(direct, 25);
 }
 
 } // namespace

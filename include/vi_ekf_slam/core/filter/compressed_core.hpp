@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 
+#include "vi_ekf_slam/core/filter/linear_measurement.hpp"
+
 namespace vi_ekf_slam {
 
 /// What a period in which only the first c errors (pose, motion, biases) take part does to all the others:
@@ -22,13 +24,12 @@ class CompressedCore {
   void open(const Eigen::Vector3d& position, const Eigen::Ref<const Eigen::MatrixXd>& P);
   void close() { open_ = false; }
 
-  /// The core's errors move: the rows from `row` on become F x (F k x c).
+  /// The core's errors move: the rows from `row` on become F (k x w) times the rows [row, row + w).
   void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
-    Phi_.middleRows(row, F.rows()) = (F * Phi_).eval();
+    Phi_.middleRows(row, F.rows()) = (F * Phi_.middleRows(row, F.cols())).eval();
   }
-  /// They are corrected by a measurement H x of residual nu: P H^T (c x r), the factor L of S, H and nu.
-  void correct(const Eigen::Ref<const Eigen::MatrixXd>& PHt, const Eigen::Ref<const Eigen::MatrixXd>& L,
-               const Eigen::MatrixXd& H, const Eigen::VectorXd& nu);
+  /// They are corrected by a measurement: P H^T (c x r) and the factor L of S.
+  void correct(const LinearMeasurement& z, const Eigen::MatrixXd& PHt, const SmallMatrix& L);
 
   const Eigen::MatrixXd& Phi() const { return Phi_; }
   Eigen::MatrixXd& Phi() { return Phi_; }

@@ -13,9 +13,9 @@
 
 namespace vi_ekf_slam {
 
-/// How the core moves from one stamp to the next: its errors as x' = F x + noise of covariance Q (c x c), of
-/// which the rows [row, row + k) alone are not those of the identity (F k x c), the pose, and means of other
-/// core variables.
+/// How the core moves from one stamp to the next: its errors [row, row + k) become F (k x w) times the errors
+/// [row, row + w), and those from `row` on get noise of covariance Q; the pose, and means of other core
+/// variables.
 struct CoreStep {
   Eigen::Index row = 0;
   Eigen::MatrixXd F, Q;

@@ -24,6 +24,8 @@ class Innovation {
   auto S(std::size_t i, std::size_t j) const {
     return S_.block(first_[i], first_[j], first_[i + 1] - first_[i], first_[j + 1] - first_[j]);
   }
+  /// Its lower triangle, by blocks. Until factorise.
+  const Eigen::MatrixXd& S() const { return S_; }
   /// Of measurement i alone: residual^T S_ii^-1 residual; not a number where S_ii is not positive definite.
   /// After factorise for those that wait, with residual and S_ii given all that take part.
   double nisOf(std::size_t i) const;
