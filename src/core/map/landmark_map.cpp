@@ -32,8 +32,8 @@ bool LandmarkMap::isGood(const Landmark& landmark) const {
 
 void LandmarkMap::leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
   const Landmark& landmark = active_[index];
-  if (keepsInactive() && isInactive(landmark.id)) {
-    discard(filter, index); // the map has it, from before
+  if (landmark.suspect || (keepsInactive() && isInactive(landmark.id))) {
+    discard(filter, index); // not for the map, or there from before
   } else if (keepsInactive() && isGood(landmark)) {
     deactivate(filter, index, noise);
   } else {

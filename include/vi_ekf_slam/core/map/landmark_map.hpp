@@ -18,6 +18,7 @@ struct Landmark {
   Stamp last_seen = 0;          ///< in a frame that was used, or reactivated
   bool reactivated = false;     ///< from an earlier time, not in view yet
   bool in_map = false;          ///< has been kept before
+  bool suspect = false;         ///< its track has contradicted the static world: not for the map
 };
 
 enum class MapKeep {
@@ -54,7 +55,8 @@ class LandmarkMap {
 
   /// A new active landmark, the last one.
   void add(const Landmark& landmark) { active_.push_back(landmark); }
-  /// An active landmark is tracked no more: it goes where the options want it. The last one takes its place.
+  /// An active landmark is tracked no more: it goes where the options want it, or is forgotten if suspect. The
+  /// last one takes its place.
   /// `noise` (3x3, m^2, world axes) is added to its error.
   void leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
   /// One that contradicted the static world, or another one's duplicate, is forgotten.
