@@ -12,7 +12,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr std::size_t kFewest = 5;     // points that agree: three fit almost any motion, two more hardly ever do
+constexpr std::size_t kFewest = 5; // points that agree: three fit almost any motion, two more hardly ever do
 constexpr double kShareOfPoints = 0.6; // of the points, that agree
 constexpr double kBound = 13.93;       // chi-square, 3 degrees of freedom, 99.7 %
 constexpr int kTries = 60; // of three points; with a third of them wrong, 1 in 10^9 has none that are right

@@ -7,9 +7,9 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kFewestMatched = 10; // features; a frame with fewer says nothing
-constexpr double kCovered = 0.75;            // of the window, for which frames must speak
-constexpr double kLongest = 1.0 / 3.0;       // of the window, for which one frame may speak
-constexpr double kUsedAtLeast = 0.2; // of the matched features, or the frame contradicts the estimate
+constexpr double kCovered = 0.75;          // of the window, for which frames must speak
+constexpr double kLongest = 1.0 / 3.0;     // of the window, for which one frame may speak
+constexpr double kUsedAtLeast = 0.2;       // of the matched features, or the frame contradicts the estimate
 
 bool isRefused(const DivergenceMonitor::Frame& frame) {
   return frame.rejected ||

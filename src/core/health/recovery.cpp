@@ -16,7 +16,8 @@ constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
 constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed
 constexpr double kLostRotation = 0.1;  // rad
 constexpr double kSampled = 0.5;       // s, from one sample to the next where the twist is measured
-constexpr double kAnyAngle = 1.0;      // rad, standard deviation of an angle that may be any, as far as it is linear
+constexpr double kAnyAngle =
+    1.0; // rad, standard deviation of an angle that may be any, as far as it is linear
 
 Matrix6d independent(double position_sigma, double rotation_sigma) {
   Vector6d sigma;
@@ -74,9 +75,9 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
                            const StereoFrame& frame, const std::vector<Association>& associations,
                            const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
-  const Divergence divergence = monitor_.add({frame.stamp, distance_, angle_, associations.size(), used,
-                                              outcome.skipped, outcome.capped_nis,
-                                              outcome.skipped ? 0 : 3 * associations.size()});
+  const Divergence divergence =
+      monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
+                    outcome.capped_nis, outcome.skipped ? 0 : 3 * associations.size()});
   const bool may_be_jump = options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_frame_ &&
                            static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
@@ -87,9 +88,10 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
       monitor_.restart();
     } else {
       // Frames that were refused have not misled the twist, which samples measured meanwhile.
-      const TwistNoise sampled = divergence == Divergence::kRejections
-                                     ? TwistNoise{noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)}
-                                     : TwistNoise{};
+      const TwistNoise sampled =
+          divergence == Divergence::kRejections
+              ? TwistNoise{noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)}
+              : TwistNoise{};
       distrust(filter, SE3(),
                independent(std::max(kLostPosition, monitor_.distance()),
                            std::clamp(monitor_.angle(), kLostRotation, kAnyAngle)),

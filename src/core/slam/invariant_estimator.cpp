@@ -151,8 +151,8 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
     motion_->processStandstill(filter_, secondsBetween(*last_frame_, frame.stamp));
 }
 
-/// Those of rejected tracks are not, until they have stood still for long enough; an id that left may come back
-/// as something else.
+/// Those of rejected tracks are not, until they have stood still for long enough; an id that left may come
+/// back as something else.
 std::vector<std::size_t> InvariantEstimator::usableFeatures(const StereoFrame& frame, FrameReport& report) {
   std::vector<std::size_t> usable;
   decltype(rejected_) still_rejected;
@@ -259,8 +259,8 @@ void InvariantEstimator::loseAll() {
   while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
 }
 
-/// Rejected tracks contradict the static world (a car, a track that slides): they leave the map for good, even
-/// if they are used again. Lost ones go where the map keeps what is out of view.
+/// Rejected tracks contradict the static world (a car, a track that slides): they leave the map for good,
+/// even if they are used again. Lost ones go where the map keeps what is out of view.
 void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associations& seen,
                                       const FrameOutcome& outcome, FrameReport& report) {
   enum class Track { kLost, kUsed, kRejected };

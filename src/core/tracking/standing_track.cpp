@@ -12,8 +12,8 @@ StandingTrack::StandingTrack(const Filter& filter, const StereoModel::Triangulat
       noise_(seen.noise),
       pose_covariance_(filter.covariance().topLeftCorner<6, 6>()) {}
 
-/// Nothing tells the pose in the world, so what its covariance has gained, about the same position, is that of
-/// the motion: x - x^ = [I, -[x - p]x] (dp, theta).
+/// Nothing tells the pose in the world, so what its covariance has gained, about the same position, is that
+/// of the motion: x - x^ = [I, -[x - p]x] (dp, theta).
 double StandingTrack::distanceTo(const Filter& filter, const StereoModel::Triangulated& seen) const {
   const Eigen::Vector3d& p = filter.pose().translation();
   Matrix6d transport = Matrix6d::Identity();

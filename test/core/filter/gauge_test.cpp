@@ -166,7 +166,8 @@ TEST(Gauge, IsNotLearnedWhereACoreVariableMovesTheRest) {
   for (int frame = 0; frame < 60 && !HasFailure(); ++frame) {
     scene.motion.propagate(scene.filter, 0.05);
     if (frame % 2 == 0) scene.filter.settle(); // in the middle of a period, or between two
-    scene.filter.moveRest(*scene.scale, 0.3 * randomMatrix(random, scene.filter.rows() - scene.filter.coreRows(), 1));
+    scene.filter.moveRest(*scene.scale,
+                          0.3 * randomMatrix(random, scene.filter.rows() - scene.filter.coreRows(), 1));
     expectNotMore(knownOf(scene.filter), before, 1e-6);
     correct(scene.filter, scene.seen(random, 1.0));
     if (frame % 5 == 4) {

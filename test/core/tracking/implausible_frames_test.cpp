@@ -61,8 +61,8 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
       road.move();
     }
     RecordProperty("worst_mm_per_s", static_cast<int>(1e3 * worst_velocity));
-    // The odometer's word alone, which on this road is 0.205 m/s off once where its noise is 0.1 m/s: the same
-    // samples without a picture are the limit there.
+    // The odometer's word alone, which on this road is 0.205 m/s off once where its noise is 0.1 m/s: the
+    // same samples without a picture are the limit there.
     EXPECT_LT(worst_velocity, std::max(2.0 * noise.velocity, 1.001 * worst_blind));
   }
 }

@@ -205,8 +205,8 @@ TEST(RejectedTrack, NeverEntersTheMapWhereAllThatIsInViewLeaves) {
   EXPECT_FALSE(idsIn(estimator).count(liar));
 }
 
-// Half of what is in view rides on a lorry for a fifth of a second, nearly as fast, and takes the other half for
-// what moves. The car is so slow that no new tracks come, so that no id is ever free again.
+// Half of what is in view rides on a lorry for a fifth of a second, nearly as fast, and takes the other half
+// for what moves. The car is so slow that no new tracks come, so that no id is ever free again.
 TEST(RejectedTrack, IsUsedAgainOnceItHasStoodStill) {
   for (const double share : {0.5, 0.6, 0.7}) {
     Road road(22, 40, {0.1, 0.01, 0.5}, 30.0);

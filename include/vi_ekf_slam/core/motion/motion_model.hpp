@@ -36,8 +36,8 @@ class MotionModel {
   virtual Eigen::Matrix3d noiseOf(const VelocitySample& sample) const = 0;
   /// The body has stood still for `dt` s.
   virtual void processStandstill(Filter& filter, double dt) const = 0;
-  /// What moves is unknown again, and with `biases` those as well. What has been `sampled` is as uncertain as one
-  /// sample would leave it.
+  /// What moves is unknown again, and with `biases` those as well. What has been `sampled` is as uncertain as
+  /// one sample would leave it.
   virtual void reset(Filter& filter, bool biases, const TwistNoise& sampled = {}) const = 0;
 
   /// (v in m/s, omega in rad/s) in the body's axes, and its covariance.
