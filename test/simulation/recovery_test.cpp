@@ -78,21 +78,16 @@ std::uint64_t jumps(const SystemCounts& counts) {
   return counts.divergences[static_cast<std::size_t>(Divergence::kJump)];
 }
 
-// Where enough tracks go on to tell: on two of six drives three are left, which fit almost any motion.
 TEST(DisplacedCar, IsFollowedWithAnHonestCovariance) {
-  std::uint64_t followed = 0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const Result result = drive(seed, {2.2, 0.0});
     EXPECT_GT(result.displacement, 15.0) << seed;
     EXPECT_TRUE(result.finite) << seed;
     EXPECT_GT(result.used_after, 10000U) << seed;
-    if (jumps(result.counts) == 0) continue;
-    ++followed;
     EXPECT_EQ(jumps(result.counts), 1U) << seed;
     EXPECT_LT(result.nees_after, 18.5) << seed; // 99.5 % of a chi-square value with 6 degrees of freedom
     EXPECT_LT(result.last_error, 12.0) << seed;
   }
-  EXPECT_GE(3 * followed, 2 * (kSanitized ? 0 : kSeeds));
 }
 
 TEST(DisplacedCar, IsLostWhereNobodyLooks) {

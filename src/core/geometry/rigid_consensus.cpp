@@ -12,7 +12,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr std::size_t kFewest = 6;     // points that agree; three fit almost any motion
+constexpr std::size_t kFewest = 5; // points that agree: three fit almost any motion, two more hardly ever do
 constexpr double kShareOfPoints = 0.6; // of the points, that agree
 constexpr double kBound = 13.93;       // chi-square, 3 degrees of freedom, 99.7 %
 constexpr int kTries = 60; // of three points; with a third of them wrong, 1 in 10^9 has none that are right
@@ -78,7 +78,7 @@ std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
   std::sort(order.begin(), order.end(), [&points](std::size_t a, std::size_t b) {
     return points[a].covariance.trace() < points[b].covariance.trace();
   });
-  order.resize(std::max<std::size_t>(3, order.size() / 2));
+  order.resize(std::max(kFewest, order.size() / 2));
   std::minstd_rand random(1);
   Indices best;
   for (int i = 0; i < kTries; ++i) {

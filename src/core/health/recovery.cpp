@@ -15,6 +15,7 @@ constexpr double kFramesOfLag = 2.0;   // by which a front end that repeats itse
 constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
 constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed
 constexpr double kLostRotation = 0.1;  // rad
+constexpr double kSampled = 0.5;       // s, from one sample to the next where the twist is measured
 constexpr double kAnyAngle =
     1.0; // rad, standard deviation of an angle that may be any, as far as it is linear
 
@@ -59,6 +60,8 @@ Recovery::Recovery(const Options& options, const MotionModel& motion)
 void Recovery::travel(double distance_m, double angle_rad) {
   distance_ += distance_m;
   angle_ += angle_rad;
+  unused_distance_ += distance_m;
+  unused_angle_ += angle_rad;
 }
 
 void Recovery::endFrame() {
@@ -82,10 +85,15 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
     if (divergence == Divergence::kRejections && !motion) {
       monitor_.restart();
     } else {
+      // Frames that were refused have not misled the twist, which samples measured meanwhile.
+      const TwistNoise sampled =
+          divergence == Divergence::kRejections
+              ? TwistNoise{noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)}
+              : TwistNoise{};
       distrust(filter, SE3(),
                independent(std::max(kLostPosition, monitor_.distance()),
                            std::clamp(monitor_.angle(), kLostRotation, kAnyAngle)),
-               true);
+               true, sampled);
     }
     return divergence;
   }
@@ -94,11 +102,12 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
   return Divergence::kJump;
 }
 
-/// Whether the motion (world) is more than what the vehicle may have driven.
+/// Whether the motion (world) is more than what the vehicle may have driven, since the last frame and, with
+/// what is in view going along (a lorry), since the last one that was used.
 bool Recovery::isJump(const Filter& filter, const SE3& motion) const {
   const Eigen::Vector3d& p = filter.pose().translation();
-  return (motion * p - p).norm() > options_.jump_m + kFramesOfLag * distance_ ||
-         so3::Log(motion.rotation()).norm() > kJumpRotation;
+  return (motion * p - p).norm() > options_.jump_m + kFramesOfLag * distance_ + unused_distance_ ||
+         so3::Log(motion.rotation()).norm() > kJumpRotation + unused_angle_;
 }
 
 /// The static world says so, but nothing else does: that nothing has moved is to remain likely.
@@ -113,10 +122,15 @@ void Recovery::followJump(Filter& filter, const SE3& motion) {
 }
 
 /// The pose is moved and may be wrong by so much more; what moves is to be measured anew.
-void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases) {
+void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases,
+                        const TwistNoise& sampled) {
   resetPose(filter, motion, covariance);
-  motion_->reset(filter, biases);
+  motion_->reset(filter, biases, sampled);
   monitor_.restart();
+}
+
+std::optional<Eigen::Matrix3d> Recovery::noiseOf(const Sample& last, Stamp now) const {
+  return last.noise && secondsBetween(last.stamp, now) <= kSampled ? last.noise : std::nullopt;
 }
 
 bool Recovery::check(const Filter& filter, Stamp stamp, bool thoroughly) {

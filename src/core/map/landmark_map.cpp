@@ -32,8 +32,8 @@ bool LandmarkMap::isGood(const Landmark& landmark) const {
 
 void LandmarkMap::leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
   const Landmark& landmark = active_[index];
-  if (keepsInactive() && isInactive(landmark.id)) {
-    discard(filter, index); // the map has it, from before
+  if (landmark.suspect || (keepsInactive() && isInactive(landmark.id))) {
+    discard(filter, index); // not for the map, or there from before
   } else if (keepsInactive() && isGood(landmark)) {
     deactivate(filter, index, noise);
   } else {
@@ -79,9 +79,8 @@ void LandmarkMap::bound(Filter& filter, bool all) {
   const std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false);
   for (const Handle handle : filter.marginaliseOldest(held - most + most / 4)) {
     const Landmark landmark = inactive_.at(handle);
-    const auto estimate = std::find_if(before.begin(), before.end(), [handle](const auto& e) {
-      return e.variable.handle == handle;
-    });
+    const auto estimate = std::find_if(before.begin(), before.end(),
+                                       [handle](const auto& e) { return e.variable.handle == handle; });
     if (landmark.observations >= kArchivedObservations)
       archive_.put({landmark.id, estimate->variable.mean, estimate->covariance});
     inactive_by_id_.erase(landmark.id);
@@ -118,7 +117,8 @@ void LandmarkMap::archiveAll(const Filter& filter) {
 }
 
 LandmarkEstimate LandmarkMap::estimateOf(const Filter& filter, const Landmark& landmark) const {
-  return {landmark.id, filter.variables().point(landmark.variable), filter.worldCovariance(landmark.variable)};
+  return {landmark.id, filter.variables().point(landmark.variable),
+          filter.worldCovariance(landmark.variable)};
 }
 
 std::vector<LandmarkEstimate> LandmarkMap::estimates(const Filter& filter, bool exact) const {

@@ -71,8 +71,16 @@ void ConstantTwist::processStandstill(Filter& filter, double dt) const {
   filter.correct(measureStandstill(filter, twist_, dt));
 }
 
-void ConstantTwist::reset(Filter& filter, bool biases) const {
-  filter.reset(twist_, options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
+void ConstantTwist::reset(Filter& filter, bool biases, const TwistNoise& sampled) const {
+  Matrix6d P = options_.prior_twist_sigma.cwiseAbs2().asDiagonal();
+  const auto measured = [&](Eigen::Index axis, const std::optional<Eigen::Matrix3d>& noise) {
+    if (!noise) return;
+    P.block<3, 3>(axis, axis) = *noise;
+    P.block<3, 3>(axis, axis) += options_.prior_bias_sigma.segment<3>(axis).cwiseAbs2().asDiagonal();
+  };
+  measured(0, sampled.velocity);
+  measured(3, sampled.gyro);
+  filter.reset(twist_, P);
   if (biases) resetBiases(filter);
 }
 

@@ -14,7 +14,12 @@ namespace {
 constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
-constexpr double kBadFrames = 0.15;      // s, for which frames that contradict the local map may be wrong
+constexpr double kBadFrames = 0.15;      // s, for which frames that contradict the local map say nothing else
+// s, for which a rejected track must be seen in one place: a car would have gone on by several metres.
+constexpr double kProbation = 2.0;
+constexpr double kSamePlace = 11.345; // chi-square, 3 degrees of freedom, 99 %: of one place
+constexpr double kSameView = 3.665;   // 70 %: of most points of one view
+constexpr double kMostOfView = 0.5;
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return Vector6d::Constant(kPosePriorSigma * kPosePriorSigma).asDiagonal(); }
@@ -60,6 +65,7 @@ void InvariantEstimator::process(const GyroSample& sample) {
   standstill_.addGyro(sample.stamp, sample.angular_velocity - motion_->gyroBias(filter_),
                       motion_->noiseOf(sample), motion_->gyroBiasCovariance(filter_));
   motion_->process(filter_, sample);
+  recovery_.note(sample);
   checkpoint(false);
 }
 
@@ -68,6 +74,7 @@ void InvariantEstimator::process(const VelocitySample& sample) {
   standstill_.addVelocity(sample.stamp, sample.linear_velocity - motion_->bias(filter_).head<3>(),
                           motion_->noiseOf(sample));
   motion_->process(filter_, sample);
+  recovery_.note(sample);
   checkpoint(false);
 }
 
@@ -75,9 +82,7 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
   if (resume_) resume(stamp);
   if (stamp_ && stamp > *stamp_) {
     const double dt = secondsBetween(*stamp_, stamp);
-    if (dt > kTrackedGap) {
-      while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
-    }
+    if (dt > kTrackedGap) loseAll();
     const Vector6d twist = motion_->twist(filter_);
     recovery_.travel(dt * twist.head<3>().norm(), dt * twist.tail<3>().norm());
     propagate(filter_, dt);
@@ -104,6 +109,8 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
   map_.clear();
   returning_.restart();
   rejected_.clear();
+  suspects_.clear();
+  skipped_.clear();
   begin(recovery_.checkpointPose(),
         recovery_.checkpointCovariance(*stamp_, config_.motion.prior_twist_sigma[0]));
   standstill_ = StandstillDetector(config_.standstill_px);
@@ -144,14 +151,17 @@ void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
     motion_->processStandstill(filter_, secondsBetween(*last_frame_, frame.stamp));
 }
 
-/// Those of rejected tracks are not; an id that left may come back as something else.
+/// Those of rejected tracks are not, until they have stood still for long enough; an id that left may come
+/// back as something else.
 std::vector<std::size_t> InvariantEstimator::usableFeatures(const StereoFrame& frame, FrameReport& report) {
   std::vector<std::size_t> usable;
-  std::unordered_set<FeatureId> still_rejected;
+  decltype(rejected_) still_rejected;
+  std::unordered_set<FeatureId> still_suspect;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const StereoFeatureObservation& feature = frame.features[i];
-    const bool rejected = rejected_.count(feature.id) != 0;
-    if (rejected) still_rejected.insert(feature.id);
+    if (suspects_.count(feature.id)) still_suspect.insert(feature.id);
+    const bool rejected = rejected_.count(feature.id) != 0 && !hasStood(feature.id, feature.pixels);
+    if (rejected) still_rejected.insert(*rejected_.find(feature.id));
     if (!model_->isUsable(feature.pixels)) {
       ++report.invalid;
     } else if (rejected) {
@@ -161,7 +171,18 @@ std::vector<std::size_t> InvariantEstimator::usableFeatures(const StereoFrame& f
     }
   }
   rejected_.swap(still_rejected);
+  suspects_.swap(still_suspect);
   return usable;
+}
+
+/// Whether a rejected track is one of the static world. Else it is watched from here on.
+bool InvariantEstimator::hasStood(FeatureId id, const StereoPixels& pixels) {
+  std::optional<StandingTrack>& track = rejected_[id];
+  const auto seen = model_->isUsable(pixels) ? model_->triangulate(filter_, pixels) : std::nullopt;
+  if (seen && track && track->distanceTo(filter_, *seen) < kSamePlace)
+    return secondsBetween(track->since(), *stamp_) >= kProbation;
+  track = seen ? std::make_optional<StandingTrack>(filter_, *seen, *stamp_) : std::nullopt;
+  return false;
 }
 
 void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& report) {
@@ -176,34 +197,70 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.nis_dof = outcome.nis_dof;
   const Divergence divergence = recovery_.judge(filter_, map_, *model_, frame, seen.known, outcome);
   if (divergence != Divergence::kNone) divergence_ = divergence;
-  if (divergence != Divergence::kNone || (outcome.skipped && !isOneBadFrame(frame, seen))) {
+  if (divergence != Divergence::kNone || (outcome.skipped && !isBelieved(frame, seen))) {
     beginMapAnew(frame, usable, report);
   } else if (!outcome.skipped) {
     last_used_ = frame.stamp;
+    skipped_.clear();
+    recovery_.useFrame();
     updateTracks(frame, seen, outcome, report);
     initialise(frame, seen.unknown, report);
   } // a skipped frame leaves the local map as it is
 }
 
-/// One bad frame among good ones. When frames contradict the local map for longer, or the front end tracks
-/// other points than it has, that is not what is in view any more.
-bool InvariantEstimator::isOneBadFrame(const StereoFrame& frame, const Associations& seen) const {
-  return seen.known.size() >= seen.unknown.size() && last_used_ && last_frame_ &&
-         (*last_used_ == *last_frame_ || secondsBetween(*last_used_, frame.stamp) < kBadFrames);
+/// Whether the local map is, more than a frame that contradicts it. It is not what is in view where the front
+/// end has begun other tracks than it has, where the frames agree among themselves on what else stands there,
+/// or where they have contradicted it for too long.
+bool InvariantEstimator::isBelieved(const StereoFrame& frame, const Associations& seen) {
+  if (!last_used_ || !last_frame_) return false;
+  const auto begun = std::count_if(seen.unknown.begin(), seen.unknown.end(), [&](std::size_t feature) {
+    return skipped_.count(frame.features[feature].id) == 0;
+  });
+  if (static_cast<std::size_t>(begun) > seen.known.size()) return false;
+  const bool is_other = isAnotherView(frame, seen);
+  const double contradicted = secondsBetween(*last_used_, frame.stamp);
+  return *last_used_ == *last_frame_ || contradicted < kBadFrames ||
+         (contradicted < kTrackedGap && !is_other);
+}
+
+/// Whether most tracks are seen where earlier frames that were skipped saw them.
+bool InvariantEstimator::isAnotherView(const StereoFrame& frame, const Associations& seen) {
+  std::size_t same = 0, all = 0;
+  const auto look = [&](std::size_t i) {
+    const StereoFeatureObservation& feature = frame.features[i];
+    const auto now = model_->triangulate(filter_, feature.pixels);
+    if (!now) return;
+    const auto before = skipped_.find(feature.id);
+    if (before != skipped_.end()) ++all;
+    if (before != skipped_.end() && before->second.distanceTo(filter_, *now) < kSameView)
+      ++same;
+    else
+      skipped_.insert_or_assign(feature.id, StandingTrack(filter_, *now, frame.stamp));
+  };
+  for (const Association& known : seen.known) look(known.feature);
+  for (const std::size_t feature : seen.unknown) look(feature);
+  return same > 0 && static_cast<double>(same) > kMostOfView * static_cast<double>(all);
 }
 
 /// Nothing speaks against these features but a local map that is not believed.
 void InvariantEstimator::beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable,
                                       FrameReport& report) {
   report.removed += map_.active().size();
-  while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
+  loseAll();
   rejected_.clear();
+  suspects_.clear();
+  skipped_.clear();
   last_used_ = frame.stamp;
+  recovery_.useFrame();
   initialise(frame, usable, report);
 }
 
-/// Rejected tracks contradict the static world, once and for all (a car, a track that slides): they leave the
-/// map. Lost ones go where the map keeps what is out of view.
+void InvariantEstimator::loseAll() {
+  while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
+}
+
+/// Rejected tracks contradict the static world (a car, a track that slides): they leave the map for good,
+/// even if they are used again. Lost ones go where the map keeps what is out of view.
 void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associations& seen,
                                       const FrameOutcome& outcome, FrameReport& report) {
   enum class Track { kLost, kUsed, kRejected };
@@ -211,7 +268,9 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
   for (std::size_t i = 0; i < seen.known.size(); ++i) {
     const auto [landmark, feature] = seen.known[i];
     tracks[landmark] = outcome.used[i] ? Track::kUsed : Track::kRejected;
-    if (!outcome.used[i]) rejected_.insert(frame.features[feature].id);
+    if (outcome.used[i]) continue;
+    hasStood(frame.features[feature].id, frame.features[feature].pixels); // from now on
+    suspects_.insert(frame.features[feature].id);
   }
   std::unordered_set<FeatureId> begins_anew;
   for (const std::size_t feature : seen.unknown) begins_anew.insert(frame.features[feature].id);
@@ -243,7 +302,7 @@ void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<
     const auto seen = model_->triangulate(filter_, f.pixels);
     if (!seen) continue;
     const Handle variable = filter_.augment(Chart::kPoint, seen->position, seen->noise, seen->by);
-    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false});
+    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false, false, suspects_.count(f.id) != 0});
     ++report.initialised;
   }
 }

@@ -5,6 +5,7 @@
 #include "vi_ekf_slam/core/health/recovery.hpp"
 #include "vi_ekf_slam/core/map/duplicates.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
+#include "vi_ekf_slam/core/observation/track_slip.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
@@ -152,6 +153,67 @@ TEST(Gauge, IsNotLearnedFromWhatIsInactiveNorFromDuplicatesNorByARecovery) {
     if (frame == 30) {
       resetPose(scene.filter, SE3::Exp(random.vector<6>(-0.2, 0.2)), 0.01 * random.covariance<6>());
       check("pose reset", frame);
+    }
+  }
+}
+
+// Points that move by what the core knows, seen again and again, some of them inactive: they tell what moves
+// them, and not where the world is.
+TEST(Gauge, IsNotLearnedWhereACoreVariableMovesTheRest) {
+  Random random(7);
+  Scene scene = busyScene(random, 8, 0.02);
+  Eigen::MatrixXd before = knownOf(scene.filter);
+  for (int frame = 0; frame < 60 && !HasFailure(); ++frame) {
+    scene.motion.propagate(scene.filter, 0.05);
+    if (frame % 2 == 0) scene.filter.settle(); // in the middle of a period, or between two
+    scene.filter.moveRest(*scene.scale,
+                          0.3 * randomMatrix(random, scene.filter.rows() - scene.filter.coreRows(), 1));
+    expectNotMore(knownOf(scene.filter), before, 1e-6);
+    correct(scene.filter, scene.seen(random, 1.0));
+    if (frame % 5 == 4) {
+      scene.filter.deactivate(scene.points.front(), Eigen::Matrix3d::Zero());
+      scene.points.erase(scene.points.begin());
+      scene.addPoint(random);
+    }
+    const Eigen::MatrixXd now = knownOf(scene.filter);
+    expectNotMore(now, before, 1e-6);
+    EXPECT_FALSE(HasFailure()) << "frame " << frame;
+    before = now;
+  }
+}
+
+TEST(Gauge, IsNotLearnedFromTracksThatSlip) {
+  Random random(8);
+  for (const double length : {1.0, 1e6}) { // slips that change, and that stay
+    TrackSlip slip({0.02, 1e-3, length});
+    Filter filter({so3::Exp({0.1, -0.2, 0.3}), {30.0, -20.0, 5.0}}, 0.01 * random.covariance<6>());
+    ConstantTwist motion(noisyMotion());
+    motion.addTo(filter);
+    slip.addTo(filter);
+    filter.closeCore();
+    filter.setMean(motion.twistVariable(), (Vector6d() << 8.0, 0.3, -0.2, 0.05, -0.1, 0.4).finished());
+    Scene scene{filter, motion, {}, {}};
+    LandmarkMap map({});
+    for (int i = 0; i < 8; ++i) {
+      scene.addPoint(random);
+      map.add({static_cast<FeatureId>(i), scene.points.back(), 1, 0, 0, false});
+    }
+    Eigen::MatrixXd before = knownOf(scene.filter);
+    for (int frame = 0; frame < 20 && !HasFailure(); ++frame) {
+      const Eigen::Vector3d start = scene.filter.pose().translation();
+      scene.motion.propagate(scene.filter, 0.05);
+      const Eigen::Vector3d displacement = scene.filter.pose().translation() - start;
+      slip.propagate(scene.filter, displacement.norm());
+      slip.apply(scene.filter, map, displacement);
+      scene.filter.settle();
+      const auto all = scene.seen(random, 1.0);
+      for (const LinearMeasurement& z : all)
+        EXPECT_EQ((denseOf(z, scene.filter.rows()) * gaugeOf(scene.filter)).cwiseAbs().maxCoeff(), 0.0);
+      if (!all.empty()) correct(scene.filter, all);
+      const Eigen::MatrixXd now = knownOf(scene.filter);
+      expectNotMore(now, before, 1e-6);
+      EXPECT_FALSE(HasFailure()) << "length " << length << ", frame " << frame;
+      before = now;
     }
   }
 }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <optional>
 
 #include "vi_ekf_slam/core/health/blindness.hpp"
@@ -43,6 +44,44 @@ TEST(DivergenceMonitor, FindsThatMostFramesAreRejected) {
   EXPECT_EQ(found->second, Divergence::kRejections);
   EXPECT_GT(found->first, 60);
   EXPECT_LT(found->first, 50 + 20); // the window's length
+}
+
+/// s until the first judgement, of frames at `rate` Hz that are all as `frame` is from `since` s on.
+double timeToJudgement(double rate, double since, Divergence expected,
+                       const std::function<void(DivergenceMonitor::Frame&)>& change) {
+  DivergenceMonitor monitor({});
+  for (int i = 0; i < static_cast<int>(20.0 * rate); ++i) {
+    DivergenceMonitor::Frame frame = goodFrame(0);
+    frame.stamp = fromSeconds(1000.0 + i / rate);
+    if (i / rate >= since) change(frame);
+    const Divergence divergence = monitor.add(frame);
+    if (divergence == Divergence::kNone) continue;
+    EXPECT_EQ(divergence, expected) << rate;
+    return i / rate - since;
+  }
+  return 20.0;
+}
+
+TEST(DivergenceMonitor, JudgesBySecondsAtAnyRateOfTheFrames) {
+  for (const double rate : {1.0, 2.0, 5.0, 10.0, 30.0, 100.0}) {
+    const auto reject = [](DivergenceMonitor::Frame& frame) { frame.rejected = true; };
+    EXPECT_NEAR(timeToJudgement(rate, 5.0, Divergence::kRejections, reject), 1.6, 1.0 / rate) << rate;
+    EXPECT_NEAR(timeToJudgement(rate, 0.0, Divergence::kRejections, reject), 1.5, 1.5 / rate) << rate;
+    const auto contradict = [](DivergenceMonitor::Frame& frame) { frame.nis = 10.0 * 60.0; };
+    EXPECT_LT(timeToJudgement(rate, 5.0, Divergence::kInnovations, contradict), 1.6) << rate;
+    EXPECT_EQ(timeToJudgement(rate, 5.0, Divergence::kNone, [](auto&) {}), 20.0) << rate;
+  }
+}
+
+// Two bad frames with a long silence between them are no two seconds of bad frames.
+TEST(DivergenceMonitor, IsNotMovedByFewFramesAmongSilence) {
+  DivergenceMonitor monitor({});
+  for (const double time : {0.0, 1.0, 1.1, 1.9, 2.0}) {
+    DivergenceMonitor::Frame frame = goodFrame(0);
+    frame.stamp = fromSeconds(1000.0 + 3.0 * time);
+    frame.rejected = true;
+    EXPECT_EQ(monitor.add(frame), Divergence::kNone) << time;
+  }
 }
 
 TEST(DivergenceMonitor, TakesAFrameOfWhichLittleIsUsedForRejected) {

@@ -183,7 +183,7 @@ TEST(Resume, GivesBackWhatWasReactivatedInVainAsItWas) {
       if (map->landmarks[i].id != l.id || seen.count(l.id)) continue;
       const Eigen::Index row = map->rowOf(i);
       const Eigen::Matrix3d before = map->covariance.block<3, 3>(row, row);
-      EXPECT_TRUE(isPositive(before - l.covariance + 4e-2 * before.norm() * Eigen::Matrix3d::Identity()))
+      EXPECT_TRUE(isPositive(before - l.covariance + 1e-2 * before.norm() * Eigen::Matrix3d::Identity()))
           << l.id;
       EXPECT_TRUE(saved.count(l.id)) << l.id << " is not in the joint map any more";
       ++compared;

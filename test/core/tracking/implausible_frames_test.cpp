@@ -42,13 +42,18 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
     Road road(430, 30, noise);
     InvariantEstimator estimator = driven(road, 50, config);
     Lorry lorry(40, 1);
-    double worst_velocity = 0.0;
+    double worst_velocity = 0.0, worst_blind = 0.0;
+    InvariantEstimator blind = estimator;
     for (int i = 0; i < 50; ++i) {
       const GyroSample gyro = road.gyro();
       const VelocitySample velocity = road.velocity();
       StereoFrame frame{road.frame().stamp, {}}; // nothing else is to be seen
       estimator.process(gyro);
       estimator.process(velocity);
+      blind.process(gyro);
+      blind.process(velocity);
+      blind.process(frame);
+      worst_blind = std::max(worst_blind, std::abs(blind.state().twist[0] - road.twist()[0]));
       lorry.fill(frame, noise.pixel);
       const FrameReport report = estimator.process(frame);
       EXPECT_LE(report.used, 2u) << i; // straight ahead a point at rest looks the same
@@ -56,9 +61,9 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
       road.move();
     }
     RecordProperty("worst_mm_per_s", static_cast<int>(1e3 * worst_velocity));
-    // A lorry that contradicts the estimate for two seconds makes it begin anew: what a single sample of the
-    // odometer says then, at 99 %.
-    EXPECT_LT(worst_velocity, 2.6 * noise.velocity);
+    // The odometer's word alone, which on this road is 0.205 m/s off once where its noise is 0.1 m/s: the
+    // same samples without a picture are the limit there.
+    EXPECT_LT(worst_velocity, std::max(2.0 * noise.velocity, 1.001 * worst_blind));
   }
 }
 

@@ -17,7 +17,7 @@ struct Displaced {
 
 /// The rigid motion T with expected = T seen on which most of the points agree: the vehicle is at T T^ where
 /// the estimate says T^. RANSAC over three points, the same ones each time, then least squares. Nothing when
-/// less than 60 %, or less than six, agree within the 99.7 % bound of their covariance.
+/// less than 60 %, or less than five, agree within the 99.7 % bound of their covariance.
 std::optional<SE3> commonMotion(const std::vector<Displaced>& points);
 
 } // namespace vi_ekf_slam

@@ -23,7 +23,9 @@ constexpr std::array<const char*, kDivergenceCount> kDivergenceNames = {"none", 
                                                                         "jump", "covariance"};
 
 /// Judges the estimator by what its frames said within the last seconds. One frame alone proves nothing: a
-/// lorry that fills the view, or a front end that mixes up its tracks, spoils single ones.
+/// lorry that fills the view, or a front end that mixes up its tracks, spoils single ones. A frame speaks for
+/// the time since the one before, but for no more than a third of the window: so the rate of the frames does
+/// not matter, and silence is nobody's word.
 class DivergenceMonitor {
  public:
   struct Options {
@@ -31,8 +33,8 @@ class DivergenceMonitor {
     /// Mean NIS per degree of freedom beyond which the estimate has diverged: innovations twice as large as
     /// their covariance says.
     double nis = 4.0;
-    /// Of the frames of the window; so much or more of them is a divergence: a lorry that fills the view
-    /// spoils many.
+    /// Of the window's time; where frames are refused for so much or more of it that is a divergence: a lorry
+    /// that fills the view spoils many.
     double refused_share = 0.8;
   };
 
@@ -58,8 +60,13 @@ class DivergenceMonitor {
   void restart() { frames_.clear(); }
 
  private:
+  struct Heard {
+    Frame frame;
+    double seconds; ///< for which it speaks
+  };
+
   Options options_;
-  std::deque<Frame> frames_;
+  std::deque<Heard> frames_;
 };
 
 } // namespace vi_ekf_slam

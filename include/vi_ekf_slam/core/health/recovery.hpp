@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/validity.hpp"
@@ -8,8 +9,8 @@
 
 namespace vi_ekf_slam {
 
-/// The body is at pose * motion, and its pose less certain by `covariance` (6x6 of dp and theta); all else stays
-/// where it is.
+/// The body is at pose * motion, and its pose less certain by `covariance` (6x6 of dp and theta); all else
+/// stays where it is.
 void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance);
 
 /// What an estimate is worth, and what is done when it can no longer be believed: the state machine between a
@@ -27,6 +28,11 @@ class Recovery {
 
   /// The body has moved on.
   void travel(double distance_m, double angle_rad);
+  /// The local map is what the frame saw, or was corrected by it.
+  void useFrame() { unused_distance_ = unused_angle_ = 0.0; }
+  /// A sample measured a part of the twist.
+  void note(const GyroSample& sample) { gyro_ = {sample.stamp, motion_->noiseOf(sample)}; }
+  void note(const VelocitySample& sample) { velocity_ = {sample.stamp, motion_->noiseOf(sample)}; }
 
   /// Judges what a frame said about the filter, and where that is not believed any more makes it as uncertain
   /// as the error may be. The local map is to be begun anew then.
@@ -44,12 +50,21 @@ class Recovery {
  private:
   bool isJump(const Filter& filter, const SE3& motion) const;
   void followJump(Filter& filter, const SE3& motion);
-  void distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases);
+  void distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases,
+                const TwistNoise& sampled = {});
+
+  struct Sample {
+    Stamp stamp = 0;
+    std::optional<Eigen::Matrix3d> noise;
+  };
+  std::optional<Eigen::Matrix3d> noiseOf(const Sample& last, Stamp now) const;
 
   Options options_;
   const MotionModel* motion_;
   DivergenceMonitor monitor_;
-  double distance_ = 0.0, angle_ = 0.0; ///< since the last frame
+  double distance_ = 0.0, angle_ = 0.0;               ///< since the last frame
+  double unused_distance_ = 0.0, unused_angle_ = 0.0; ///< since the last one that was used
+  Sample gyro_, velocity_;                            ///< the last ones
   bool has_frame_ = false;
   Stamp stamp_ = 0;
   SE3 pose_;

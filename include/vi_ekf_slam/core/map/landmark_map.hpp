@@ -15,9 +15,10 @@ struct Landmark {
   Handle variable = 0;
   std::size_t observations = 1; ///< that corrected the state, the first one included
   Stamp first_seen = 0;
-  Stamp last_seen = 0;          ///< in a frame that was used, or reactivated
-  bool reactivated = false;     ///< from an earlier time, not in view yet
-  bool in_map = false;          ///< has been kept before
+  Stamp last_seen = 0;      ///< in a frame that was used, or reactivated
+  bool reactivated = false; ///< from an earlier time, not in view yet
+  bool in_map = false;      ///< has been kept before
+  bool suspect = false;     ///< its track has contradicted the static world: not for the map
 };
 
 enum class MapKeep {
@@ -26,8 +27,8 @@ enum class MapKeep {
   kAll,  ///< all of them do
 };
 
-/// The life of landmarks: active while they are tracked, then inactive in the joint covariance, or archived as
-/// a last estimate.
+/// The life of landmarks: active while they are tracked, then inactive in the joint covariance, or archived
+/// as a last estimate.
 class LandmarkMap {
  public:
   struct Options {
@@ -54,8 +55,8 @@ class LandmarkMap {
 
   /// A new active landmark, the last one.
   void add(const Landmark& landmark) { active_.push_back(landmark); }
-  /// An active landmark is tracked no more: it goes where the options want it. The last one takes its place.
-  /// `noise` (3x3, m^2, world axes) is added to its error.
+  /// An active landmark is tracked no more: it goes where the options want it, or is forgotten if suspect.
+  /// The last one takes its place. `noise` (3x3, m^2, world axes) is added to its error.
   void leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
   /// One that contradicted the static world, or another one's duplicate, is forgotten.
   void discard(Filter& filter, std::size_t index);
@@ -67,7 +68,8 @@ class LandmarkMap {
   void bound(Filter& filter, bool all = false);
   /// The landmarks of another map, inactive.
   void adopt(Filter& filter, const std::vector<Landmark>& landmarks,
-             const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+             const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance,
+             Eigen::MatrixXd cross);
   /// No landmark is active or inactive any more; the filter is another one.
   void clear();
   /// All estimates that are valid go to the archive; for a filter that is to be given up.

@@ -41,7 +41,7 @@ class ConstantTwist : public MotionModel {
   Eigen::Matrix3d noiseOf(const GyroSample& sample) const override;
   Eigen::Matrix3d noiseOf(const VelocitySample& sample) const override;
   void processStandstill(Filter& filter, double dt) const override;
-  void reset(Filter& filter, bool biases) const override;
+  void reset(Filter& filter, bool biases, const TwistNoise& sampled = {}) const override;
   Vector6d twist(const Filter& filter) const override { return filter.variables().mean(twist_); }
   Matrix6d twistCovariance(const Filter& filter) const override { return filter.covariance(twist_); }
   Vector6d bias(const Filter& filter) const override { return filter.variables().mean(bias_); }

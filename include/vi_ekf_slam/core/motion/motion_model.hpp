@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,11 @@
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
+
+/// Noise (3x3) of one sample of the body's velocity and of the gyro, where there are samples.
+struct TwistNoise {
+  std::optional<Eigen::Matrix3d> velocity, gyro;
+};
 
 /// How a body moves between two stamps, and what its own sensors say about that: the variables of the
 /// filter's core beside the pose, how all of them propagate, and what a sample corrects.
@@ -30,8 +36,9 @@ class MotionModel {
   virtual Eigen::Matrix3d noiseOf(const VelocitySample& sample) const = 0;
   /// The body has stood still for `dt` s.
   virtual void processStandstill(Filter& filter, double dt) const = 0;
-  /// What moves is unknown again, and with `biases` those as well.
-  virtual void reset(Filter& filter, bool biases) const = 0;
+  /// What moves is unknown again, and with `biases` those as well. What has been `sampled` is as uncertain as
+  /// one sample would leave it.
+  virtual void reset(Filter& filter, bool biases, const TwistNoise& sampled = {}) const = 0;
 
   /// (v in m/s, omega in rad/s) in the body's axes, and its covariance.
   virtual Vector6d twist(const Filter& filter) const = 0;

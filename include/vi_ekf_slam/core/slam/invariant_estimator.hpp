@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <unordered_map>
 #include <unordered_set>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
+#include "vi_ekf_slam/core/tracking/standing_track.hpp"
 
 namespace vi_ekf_slam {
 
@@ -43,8 +45,11 @@ class InvariantEstimator : public Estimator {
   void handleStandstill(const StereoFrame& frame);
   std::vector<std::size_t> usableFeatures(const StereoFrame& frame, FrameReport& report);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
-  bool isOneBadFrame(const StereoFrame& frame, const Associations& seen) const;
+  bool hasStood(FeatureId id, const StereoPixels& pixels);
+  bool isBelieved(const StereoFrame& frame, const Associations& seen);
+  bool isAnotherView(const StereoFrame& frame, const Associations& seen);
   void beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable, FrameReport& report);
+  void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
@@ -71,7 +76,10 @@ class InvariantEstimator : public Estimator {
   std::optional<Relocaliser> relocaliser_;
   std::optional<Resume> resume_;
   MapUse map_use_ = MapUse::kNone;
-  std::unordered_set<FeatureId> rejected_; ///< tracks in view that contradicted the static world
+  /// Tracks in view that contradicted the static world, and where they have stood since.
+  std::unordered_map<FeatureId, std::optional<StandingTrack>> rejected_;
+  std::unordered_set<FeatureId> suspects_; ///< in view, that once did
+  StandingTracks skipped_;                 ///< of the frames that were skipped since the last used one
   std::optional<Stamp> stamp_, last_frame_;
   std::optional<Stamp> last_used_; ///< frame that corrected the local map, or began it
   Eigen::Vector3d last_position_ = Eigen::Vector3d::Zero(); ///< world, m, at the last frame
