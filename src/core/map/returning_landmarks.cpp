@@ -65,18 +65,18 @@ std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const S
                                        double seconds) {
   if (filter.inactive().isEmpty()) return 0;
   const double cost = filter.inactive().settlingCost();
-  allowance_ = std::min(allowance_ + seconds * kSettlingPerSecond,
-                        std::max(cost, kMostSaved * kSettlingPerSecond));
+  allowance_ =
+      std::min(allowance_ + seconds * kSettlingPerSecond, std::max(cost, kMostSaved * kSettlingPerSecond));
   std::vector<FeatureId> ids;
   std::unordered_set<FeatureId> in_view;
   for (const Landmark& landmark : map.active()) {
-    if (disputed_.count(landmark.id)) in_view.insert(landmark.id);
+    if (elsewhere_.count(landmark.id)) in_view.insert(landmark.id);
     if (ids.size() < kMost && landmark.observations >= kObservations && map.isInactive(landmark.id) &&
-        !disputed_.count(landmark.id) && isLongOutOfView(filter, map, landmark.id) &&
+        !elsewhere_.count(landmark.id) && isLongOutOfView(filter, map, landmark.id) &&
         isLocated(filter, landmark))
       ids.push_back(landmark.id);
   }
-  disputed_.swap(in_view);
+  elsewhere_.swap(in_view);
   if (ids.size() < kLeast || allowance_ < cost) return 0;
   allowance_ -= cost;
   return fuse(filter, map, model, now, std::move(ids), kLeast);
@@ -107,7 +107,7 @@ std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const Ste
       map.discard(filter, first + i);
     } else {
       map.deactivate(filter, first + i);
-      disputed_.insert(ids[i]);
+      elsewhere_.insert(ids[i]);
     }
   }
   return fusion.count();

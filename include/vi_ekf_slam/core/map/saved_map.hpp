@@ -51,6 +51,14 @@ struct SavedMap {
   Eigen::Index rowOf(std::size_t landmark) const { return base() + 3 * static_cast<Eigen::Index>(landmark); }
 };
 
+/// What became of a map that was given to an estimator.
+enum class MapUse {
+  kNone,        ///< none was given
+  kWaiting,     ///< the vehicle has not found its place in it yet: estimates are in a frame of their own
+  kRelocalised, ///< estimates are in its frame
+  kResumed,     ///< they are, from the first one on
+};
+
 /// Throws MapError, in the name of `source`, unless all of it is finite and within what a drive can reach,
 /// and the covariance symmetric and positive semidefinite.
 void validate(const SavedMap& map, const std::string& source);

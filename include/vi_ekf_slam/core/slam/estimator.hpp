@@ -59,14 +59,6 @@ struct FrameReport {
   Divergence divergence = Divergence::kNone;
 };
 
-/// What became of a map that was given to an estimator.
-enum class MapUse {
-  kNone,        ///< none was given
-  kWaiting,     ///< the vehicle has not found its place in it yet: estimates are in a frame of their own
-  kRelocalised, ///< estimates are in its frame
-  kResumed,     ///< they are, from the first one on
-};
-
 /// Limits of what is used of a frame, see InvariantConfig.
 struct Gates {
   double gate, frame_gate;

@@ -2,16 +2,14 @@
 
 #include <memory>
 #include <optional>
-#include <unordered_map>
-#include <unordered_set>
+#include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/map/place_loops.hpp"
-#include "vi_ekf_slam/core/map/relocaliser.hpp"
+#include "vi_ekf_slam/core/map/closures.hpp"
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
-#include "vi_ekf_slam/core/tracking/standing_track.hpp"
+#include "vi_ekf_slam/core/tracking/track_status.hpp"
 
 namespace vi_ekf_slam {
 
@@ -33,9 +31,9 @@ class InvariantEstimator : public Estimator {
   std::function<std::vector<LandmarkEstimate>()> exactMap() const override;
   bool keepsJointMap() const override { return map_.keepsInactive(); }
   std::function<SavedMap()> savedMap() const override;
-  void relocaliseIn(std::shared_ptr<const SavedMap> map) override;
+  void relocaliseIn(std::shared_ptr<const SavedMap> map) override { closures_.relocaliseIn(std::move(map)); }
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
-  MapUse mapUse() const override { return map_use_; }
+  MapUse mapUse() const override { return closures_.use(); }
 
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
@@ -43,47 +41,33 @@ class InvariantEstimator : public Estimator {
   void propagate(Filter& filter, double dt) const;
   void checkpoint(bool thoroughly);
   void handleStandstill(const StereoFrame& frame);
-  std::vector<std::size_t> usableFeatures(const StereoFrame& frame, FrameReport& report);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
-  bool hasStood(FeatureId id, const StereoPixels& pixels);
-  bool isBelieved(const StereoFrame& frame, const Associations& seen);
-  bool isAnotherView(const StereoFrame& frame, const Associations& seen);
   void beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable, FrameReport& report);
   void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
   void closeLoops(FrameReport& report);
-  void resume(Stamp stamp);
+  void resume(const Closures::Resume& from, Stamp stamp);
 
-  /// A saved map to go on from with the first measurement, if that comes soon enough.
-  struct Resume {
-    std::shared_ptr<const SavedMap> map;
-    double max_gap_s;
+  struct LastFrame {
+    Stamp stamp;
+    Eigen::Vector3d position; ///< of the body, world, m
   };
 
   InvariantConfig config_;
   std::shared_ptr<MotionModel> motion_; ///< shared by copies; has no state but its variables' handles
-  std::optional<Handle> scale_;
   std::optional<StereoModel> model_;
   TrackSlip slip_;
   Filter filter_;
   LandmarkMap map_;
   StandstillDetector standstill_;
   Recovery recovery_;
-  ReturningLandmarks returning_;
-  PlaceLoops places_;
-  std::optional<Relocaliser> relocaliser_;
-  std::optional<Resume> resume_;
-  MapUse map_use_ = MapUse::kNone;
-  /// Tracks in view that contradicted the static world, and where they have stood since.
-  std::unordered_map<FeatureId, std::optional<StandingTrack>> rejected_;
-  std::unordered_set<FeatureId> suspects_; ///< in view, that once did
-  StandingTracks skipped_;                 ///< of the frames that were skipped since the last used one
-  std::optional<Stamp> stamp_, last_frame_;
-  std::optional<Stamp> last_used_; ///< frame that corrected the local map, or began it
-  Eigen::Vector3d last_position_ = Eigen::Vector3d::Zero(); ///< world, m, at the last frame
-  Divergence divergence_ = Divergence::kNone;               ///< to be reported with the next frame
+  TrackStatus tracks_;
+  Closures closures_;
+  std::optional<Stamp> stamp_;
+  std::optional<LastFrame> last_frame_;
+  Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
 };
 
 } // namespace vi_ekf_slam

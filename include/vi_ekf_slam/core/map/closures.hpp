@@ -1,0 +1,66 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "vi_ekf_slam/core/map/place_loops.hpp"
+#include "vi_ekf_slam/core/map/relocaliser.hpp"
+#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
+
+namespace vi_ekf_slam {
+
+/// All by which the present drive is tied to what is known of places from before: ids that return, places
+/// that are recognised, and a saved map.
+class Closures {
+ public:
+  explicit Closures(bool recognise_places) : recognise_places_(recognise_places) {}
+
+  struct Report {
+    std::size_t revisited = 0; ///< landmarks found to be ones that were seen before
+    bool place_recognised = false;
+    bool relocalised = false; ///< in the saved map
+  };
+  /// After a frame; `seconds` have passed since the last one.
+  Report update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds) {
+    Report report;
+    map.bound(filter);
+    report.revisited = returning_.update(filter, map, model, now, seconds);
+    if (recognise_places_) report.place_recognised = places_.update(filter, map, now, seconds);
+    report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, now);
+    if (report.relocalised) {
+      relocaliser_.reset();
+      use_ = MapUse::kRelocalised;
+    }
+    return report;
+  }
+  void restart() { returning_.restart(); }
+
+  void relocaliseIn(std::shared_ptr<const SavedMap> map) {
+    relocaliser_.emplace(std::move(map));
+    use_ = MapUse::kWaiting;
+  }
+
+  /// A saved map to go on from with the first measurement, if that comes soon enough.
+  struct Resume {
+    std::shared_ptr<const SavedMap> map;
+    double max_gap_s;
+  };
+  void resumeFrom(Resume resume) {
+    resume_ = std::move(resume);
+    use_ = MapUse::kWaiting;
+  }
+  std::optional<Resume> takeResume() { return std::exchange(resume_, std::nullopt); }
+  void noteResumed() { use_ = MapUse::kResumed; }
+  MapUse use() const { return use_; }
+
+ private:
+  bool recognise_places_;
+  ReturningLandmarks returning_;
+  PlaceLoops places_;
+  std::optional<Relocaliser> relocaliser_;
+  std::optional<Resume> resume_;
+  MapUse use_ = MapUse::kNone;
+};
+
+} // namespace vi_ekf_slam
