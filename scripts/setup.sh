@@ -106,9 +106,9 @@ link_programs() {
   [ "${#changed[@]}" -eq 0 ] || say "links in bin/ for rosrun: ${changed[*]}"
 }
 
-# Whether the file is an executable of the linker's, not a script, and not one of the tests beside the programs.
+# Whether the file is an executable of the linker's, not a script, and not one of the tests and benchmarks beside the programs.
 is_program() {
-  case "$1" in *_test) return 1 ;; esac
+  case "$1" in *_test | *_benchmark) return 1 ;; esac
   [ -f "$1" ] && [ -x "$1" ] && [ "$(head -c 4 "$1" | tail -c 3)" = ELF ]
 }
 

@@ -298,7 +298,7 @@ std::vector<Handle> InactiveStore::marginaliseOldest(std::size_t count) {
 
 void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::MatrixXd covariance,
                           Eigen::MatrixXd cross) {
-  constexpr std::uint64_t kDeparturesElsewhere = 1000000;
+  constexpr std::uint64_t kDeactivatedElsewhere = 1000000;
   *this = InactiveStore();
   begin(cross.rows());
   for (InactiveVariable& variable : variables) {
@@ -306,7 +306,7 @@ void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::Matrix
       throw std::logic_error("variable " + std::to_string(variable.handle) + " is given twice");
     push(settled_->variables, settled_->first, std::move(variable));
   }
-  last_serial_ += kDeparturesElsewhere;
+  last_serial_ += kDeactivatedElsewhere;
   settled_->covariance = std::move(covariance);
   settled_->cross = std::move(cross);
   release();

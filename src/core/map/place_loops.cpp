@@ -39,7 +39,7 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
   for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
     const FeatureId id = map.inactive(e.variable.handle).id;
     if (active.count(id)) continue; // its id has returned: ReturningLandmarks'
-    const std::uint64_t since = filter.inactive().departuresSince(e.variable.handle);
+    const std::uint64_t since = filter.inactive().deactivatedSince(e.variable.handle);
     const Eigen::Vector3d position = e.variable.mean;
     const double distance = (position - about).norm();
     if (since > kViewsBefore * view && distance < reach) seen_before.push_back({id, position});

@@ -52,7 +52,7 @@ std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, 
 } // namespace
 
 bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId inactive) {
-  return filter.inactive().departuresSince(map.inactiveVariable(inactive)) > map.active().size();
+  return filter.inactive().deactivatedSince(map.inactiveVariable(inactive)) > map.active().size();
 }
 
 bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model,

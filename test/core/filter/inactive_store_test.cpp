@@ -111,8 +111,8 @@ TEST(InactiveStoreTest, CountsWhatLeftSince) {
   Leaving drive(4);
   drive.drive(10);
   EXPECT_EQ(drive.store().size(), 10u);
-  EXPECT_EQ(drive.store().departuresSince(drive.away.back()), 0u);
-  EXPECT_EQ(drive.store().departuresSince(drive.away.front()), 9u);
+  EXPECT_EQ(drive.store().deactivatedSince(drive.away.back()), 0u);
+  EXPECT_EQ(drive.store().deactivatedSince(drive.away.front()), 9u);
   EXPECT_TRUE(drive.store().contains(drive.away.front()));
   EXPECT_FALSE(drive.store().contains(drive.scene.points.front()));
   auto handles = drive.store().handles();
@@ -162,7 +162,7 @@ TEST(InactiveStoreTest, KnowsItsVariablesOnly) {
   Leaving drive(8);
   drive.drive(2);
   EXPECT_THROW(drive.scene.filter.activate({drive.scene.points[0]}), std::out_of_range);
-  EXPECT_THROW(drive.store().departuresSince(drive.scene.points[0]), std::out_of_range);
+  EXPECT_THROW(drive.store().deactivatedSince(drive.scene.points[0]), std::out_of_range);
   EXPECT_THROW(drive.scene.filter.moveWorld(SE3()), std::logic_error);
 }
 

@@ -114,7 +114,7 @@ TEST(WorldFrame, AdoptedPointsTakePartAsTheTextbookHasIt) {
   const std::vector<Handle> handles = scene.filter.adopt(points, adopted, Eigen::MatrixXd::Zero(n, 15));
   ASSERT_EQ(handles.size(), 5u);
   EXPECT_EQ(scene.filter.inactive().size(), 5u);
-  EXPECT_GT(scene.filter.inactive().departuresSince(handles[0]), 1000000u);
+  EXPECT_GT(scene.filter.inactive().deactivatedSince(handles[0]), 1000000u);
 
   scene.filter.activate({handles[3], handles[1]});
   Eigen::MatrixXd F = Eigen::MatrixXd::Zero(n + 6, n + 6), P = Eigen::MatrixXd::Zero(n + 6, n + 6);

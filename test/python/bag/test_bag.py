@@ -227,7 +227,7 @@ def test_an_old_bag_is_replaced_on_success_and_kept_on_failure(save, tmp_path):
     assert main([save(drive(K=None)), str(target)]) == 2
     assert target.read_bytes() == b"old"
     assert main([save(drive()), str(target), "--quiet"]) == 0
-    assert len(contents(str(target))) == 41
+    assert len(contents(str(target))) == 42
     assert sorted(os.listdir(str(tmp_path))) == ["drive.npz", "out.bag"]
 
 

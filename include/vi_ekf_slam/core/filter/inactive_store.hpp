@@ -40,7 +40,7 @@ class InactiveStore {
   bool isEmpty() const { return serials_.empty(); }
   bool contains(Handle handle) const { return serials_.count(handle) != 0; }
   /// How many variables have been made inactive since this one was.
-  std::uint64_t departuresSince(Handle handle) const { return last_serial_ - serials_.at(handle); }
+  std::uint64_t deactivatedSince(Handle handle) const { return last_serial_ - serials_.at(handle); }
 
   // What the active errors do, in the order in which they do it. Nothing is kept where nothing is inactive.
 
