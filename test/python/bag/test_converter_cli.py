@@ -25,7 +25,7 @@ def test_success_reports_what_was_repaired(script, save, tmp_path):
     assert "stale frames: 1 repaired, 11 tracks given a new id" in result.stdout
     assert "1 observations rejected" in result.stdout
     assert "cam_T_imu, repaired" in result.stdout and "camera's position in IMU axes" in result.stdout
-    assert "41 messages" in result.stdout
+    assert "42 messages" in result.stdout
 
 
 def test_quiet_says_nothing(script, save, tmp_path):
