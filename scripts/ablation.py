@@ -50,7 +50,7 @@ ROWS = (
     Row("stale frames not repaired", ("--keep-stale",), {}),
     Row("extrinsic not repaired", ("--extrinsic", "given"), {}),
     Row("error state of the paper (joint EKF)", (), {"estimator": "paper", "paper": TUNED_PAPER}),
-    Row("no biases", (), {"invariant": {"prior_bias_sigma": 1.0e-6}}),
+    Row("no biases", ("--velocity-bias-sigma", "1e-6", "--gyro-bias-sigma", "1e-6"), {}),  # the bag's word goes first
     Row("no consensus (RANSAC)", (), {"studies": {"consensus": False}}),
     Row("no plausible gate", (), {"studies": {"plausible_gate": NEVER}}),
     Row("no gate of the frame", (), {"invariant": {"frame_gate": NEVER}}),
