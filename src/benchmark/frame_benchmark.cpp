@@ -23,7 +23,6 @@ void frameUpdate(benchmark::State& run) {
   RestingScene scene(static_cast<std::size_t>(run.range(0)), {});
   scene.advance();
   const StereoFrame frame = scene.look();
-  const std::vector<Association> associations = scene.associations();
   const Eigen::Index n = scene.filter.rows(), m = 3 * static_cast<Eigen::Index>(run.range(0));
   const Eigen::MatrixXd random = Eigen::MatrixXd::Random(m, m);
   const Eigen::MatrixXd S = random * random.transpose() + 10.0 * Eigen::MatrixXd::Identity(m, m);
@@ -35,7 +34,7 @@ void frameUpdate(benchmark::State& run) {
   for (auto _ : run) {
     Filter filter = scene.filter;
     auto start = Clock::now();
-    const FrameOutcome outcome = scene.update.apply(filter, scene.map, frame, associations);
+    const FrameOutcome outcome = scene.correct(filter, frame);
     const double took = seconds(start);
     ours += took;
     used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <random>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
@@ -14,8 +15,8 @@ namespace vi_ekf_slam {
 /// landmarks in view are seen in every frame.
 class RestingScene {
  public:
-  RestingScene(std::size_t in_view, const LandmarkMap::Options& map)
-      : filter(SE3(), Vector6d::Constant(1e-6).asDiagonal()), map(map) {
+  RestingScene(std::size_t in_view, const LandmarkMap::Options& kept)
+      : filter(SE3(), Vector6d::Constant(1e-6).asDiagonal()), map(kept) {
     motion.addTo(filter);
     filter.closeCore();
     for (FeatureId id = 0; id < in_view; ++id) initialise(see(id));
@@ -37,13 +38,14 @@ class RestingScene {
     return frame;
   }
 
-  std::vector<Association> associations() const {
-    std::vector<Association> all;
-    for (std::size_t i = 0; i < map.active().size(); ++i) all.push_back({i, i});
-    return all;
+  FrameOutcome correct(const StereoFrame& frame) { return correct(filter, frame); }
+  /// A copy of the filter.
+  FrameOutcome correct(Filter& copy, const StereoFrame& frame) const {
+    std::vector<LinearMeasurement> all;
+    for (std::size_t i = 0; i < map.active().size(); ++i)
+      all.push_back(*model.observe(copy, map.active()[i].variable, frame.features[i].pixels));
+    return update.apply(copy, std::move(all));
   }
-
-  FrameOutcome correct(const StereoFrame& frame) { return update.apply(filter, map, frame, associations()); }
 
   /// With noise; a point that was never seen comes into being.
   StereoFeatureObservation see(FeatureId id) {
