@@ -19,6 +19,16 @@ bool StereoModel::isUsable(const StereoPixels& pixels) const {
          std::abs(pixels[1] - pixels[3]) <= options_.max_row_offset;
 }
 
+/// The flow by which a landmark tells the distance d is f(rho) d, weighed by f(rho): a point whose noise puts
+/// it too near is predicted with too much flow and has too much weight for it, so that sigma_rho^2 / rho^2 of
+/// the distance would be lost on the average. With rho - sigma_rho^2 / rho, the mean under a prior 1 / rho,
+/// E[rho (rho d - rho^ d)] is zero to that order. Half of it for each picture: the direction from the middle
+/// of the pair is independent of the disparity.
+StereoPixels StereoModel::withoutBias(const StereoPixels& pixels) const {
+  const double shift = options_.pixel_sigma * options_.pixel_sigma / (pixels[0] - pixels[2]);
+  return pixels + StereoPixels(-shift, 0.0, shift, 0.0);
+}
+
 /// With the baseline b (1 + s).
 StereoCamera StereoModel::cameraOf(const Filter& filter) const {
   StereoCamera camera = rig_.camera;
@@ -44,8 +54,10 @@ std::optional<LinearMeasurement> StereoModel::observe(const Filter& filter, Hand
 }
 
 std::optional<StereoModel::Triangulated> StereoModel::triangulate(const Filter& filter,
-                                                                  const StereoPixels& pixels) const {
+                                                                  const StereoPixels& measured) const {
+  if (!(measured[0] > measured[2])) return std::nullopt;
   const StereoCamera camera = cameraOf(filter);
+  const StereoPixels pixels = withoutBias(measured);
   const auto q = camera.triangulate(pixels);
   if (!q || q->z() < options_.min_depth_m || q->z() > options_.max_depth_m) return std::nullopt;
   const SE3 world_T_cam = camTWorld(filter).inverse();

@@ -1,6 +1,8 @@
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
+#include <cmath>
 #include <limits>
+#include <random>
 
 #include "../filter/states.hpp"
 #include "vi_ekf_slam/core/observation/inverse_depth.hpp"
@@ -58,8 +60,11 @@ TEST(StereoModelTest, TriangulatesWithinItsRange) {
       return camera.project(Eigen::Vector3d(0.1 * depth, -0.05 * depth, depth));
     };
     EXPECT_FALSE(model.triangulate(scene.filter, pixels(0.4)));
-    EXPECT_FALSE(model.triangulate(scene.filter, pixels(151.0)));
-    const auto found = model.triangulate(scene.filter, pixels(20.0));
+    EXPECT_FALSE(model.triangulate(scene.filter, pixels(221.0)));
+    // Of the pixels that have p - (-s, 0, s, 0) = pixels(20) with s = sigma^2 / disparity(p).
+    const double disparity = pixels(20.0)[0] - pixels(20.0)[2];
+    const double shift = 0.49 / (0.5 * (disparity + std::sqrt(disparity * disparity + 8.0 * 0.49)));
+    const auto found = model.triangulate(scene.filter, pixels(20.0) + StereoPixels(shift, 0.0, -shift, 0.0));
     ASSERT_TRUE(found);
     EXPECT_LT(distance(found->position, scene.worldTCam() * Eigen::Vector3d(2.0, -1.0, 20.0)), 1e-9);
     EXPECT_EQ(found->by.isNone(), scale_sigma == 0.0);
@@ -71,6 +76,53 @@ TEST(StereoModelTest, TriangulatesWithinItsRange) {
     const Innovation in(scene.filter.covariance(), {*seen});
     EXPECT_LT(distance(Eigen::Matrix3d(in.S(0, 0)), 2.0 * model.noise()), 1e-8);
   }
+}
+
+/// How far beyond 1 m of driving ahead, which is known, points put it that start from noisy pixels; their
+/// mean in units of its standard deviation. `start`: where they start from.
+double biasOfADistance(const StereoModel& model, const StereoModel& start) {
+  const StereoRig rig = exampleRig();
+  const Eigen::Vector3d ahead(0.0, 0.0, 1.0); // of the camera
+  const Matrix6d known = 1e-12 * Matrix6d::Identity();
+  const Filter before(SE3(), known);
+  Filter after(rig.cam_T_imu.inverse() * SE3(Eigen::Matrix3d::Identity(), ahead) * rig.cam_T_imu, known);
+  after.closeCore();
+  std::mt19937 random(17);
+  std::normal_distribution<double> noise(0.0, 0.7);
+  const auto seen = [&](const Eigen::Vector3d& q) {
+    StereoPixels pixels = rig.camera.project(q);
+    for (int i = 0; i < 4; ++i) pixels[i] += noise(random);
+    return pixels;
+  };
+  double information = 0.0, weighted = 0.0;
+  for (int i = 0; i < 160000; ++i) {
+    std::uniform_real_distribution<double> side(-0.5, 0.5), depth(15.0, 60.0);
+    const double z = depth(random);
+    const Eigen::Vector3d q(side(random) * z, side(random) * z, z);
+    const StereoPixels first = seen(q), second = seen(q - ahead);
+    const auto at = start.triangulate(before, first);
+    const auto with = model.triangulate(before, first);
+    if (!at || !with) continue;
+    const Handle point = after.augment(Chart::kPoint, at->position, with->noise);
+    const auto measured = model.observe(after, point, second);
+    const Eigen::Matrix3d H = measured->term(0).H;
+    const Eigen::Vector3d moved = -H * rig.cam_T_imu.rotation().transpose() * ahead;
+    const Eigen::Vector3d weight = Innovation(after.covariance(), {*measured}).S(0, 0).inverse() * moved;
+    information += weight.dot(moved);
+    weighted += weight.dot(Eigen::Vector3d(measured->residual()));
+    after.remove(point);
+  }
+  return weighted / std::sqrt(information);
+}
+
+TEST(StereoModelTest, TellsADistanceWithoutBiasByPointsOfNoisyDepth) {
+  const auto modelOf = [](double pixel_sigma) {
+    StereoModel::Options options;
+    options.pixel_sigma = pixel_sigma;
+    return StereoModel(exampleRig(), options, std::nullopt);
+  };
+  EXPECT_LT(std::abs(biasOfADistance(modelOf(0.7), modelOf(0.7))), 3.0);
+  EXPECT_LT(biasOfADistance(modelOf(0.7), modelOf(1e-9)), -6.0) << "started at their pixels";
 }
 
 TEST(StereoModelTest, DoesNotSeeBehindItselfNorTooNear) {

@@ -23,7 +23,7 @@ TEST(NoiseReport, NamesTheKeyOfAStreamThatGivesNoCovariance) {
             "gyro 0.01 rad/s (invariant/gyro_sigma: its messages give no covariance)");
   EXPECT_EQ(toText(*report.note(kVelocitySample)),
             "velocity 0.1 m/s (invariant/velocity_sigma: its messages give no covariance)");
-  EXPECT_EQ(toText(*report.note(StereoFrame{})), "pixels 1.15 px (invariant/pixel_sigma)");
+  EXPECT_EQ(toText(*report.note(StereoFrame{})), "pixels 1 px (invariant/pixel_sigma)");
 }
 
 TEST(NoiseReport, TakesWhatTheFirstMessageGivesAndSaysItOnce) {

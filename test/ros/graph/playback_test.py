@@ -102,7 +102,7 @@ class Playback(unittest.TestCase):
         summary = yaml.safe_load(_read(output, "summary.yaml"))
         self.assertEqual("built-in defaults", summary["config"])
         self.assertEqual({"value": 0.1, "unit": "m/s", "source": "from its messages"}, summary["noise"]["velocity"])
-        self.assertEqual({"value": 1.15, "unit": "px", "source": "invariant/pixel_sigma"}, summary["noise"]["pixels"])
+        self.assertEqual({"value": 1.0, "unit": "px", "source": "invariant/pixel_sigma"}, summary["noise"]["pixels"])
 
     def test_frames_correct_the_trajectory(self):
         """Guards the comparison: were the features ignored, equality would say little."""

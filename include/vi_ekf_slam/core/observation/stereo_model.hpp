@@ -16,11 +16,11 @@ class StereoModel {
   static constexpr const char* kScaleName = "scale"; ///< of the baseline's scale, in a saved map
 
   struct Options {
-    double pixel_sigma = 1.15;   ///< px, of each of the four coordinates of a feature
+    double pixel_sigma = 1.0;    ///< px, of each of the four coordinates of a feature
     double min_disparity = 1.0;  ///< px
     double max_row_offset = 4.0; ///< px between the two rows of a feature
     double min_depth_m = 0.5;    ///< m; nearer points are not predicted
-    double max_depth_m = 150.0;  ///< m; points that start farther away do not become landmarks
+    double max_depth_m = 220.0;  ///< m; points that start farther away do not become landmarks
   };
 
   /// `scale`: a variable of one row, the relative error of the baseline; none: the baseline is known.
@@ -38,7 +38,8 @@ class StereoModel {
   std::optional<LinearMeasurement> observe(const Filter& filter, Handle landmark,
                                            const StereoPixels& pixels) const;
 
-  /// Where a feature seen for the first time lies: y = noise (3x3, m^2, world axes) and what `by` has it.
+  /// Where a feature seen for the first time lies: y = noise (3x3, m^2, world axes) and what `by` has it. Not
+  /// the point of its pixels but the one that tells distances without bias.
   struct Triangulated {
     Eigen::Vector3d position; ///< m, world
     Eigen::Matrix3d noise;
@@ -50,12 +51,13 @@ class StereoModel {
   /// 3x3 of (u_left, v, u_right), px^2.
   Eigen::Matrix3d noise() const;
 
-  /// Corrects points before the camera in (x/z, y/z, 1/z), where pixels are linear, and re-expresses the error
-  /// so that its covariance in these coordinates is unchanged: with straight ones the noise of far points'
-  /// depth turns into an error of scale. Of the pose before the correction.
+  /// Corrects points before the camera in (x/z, y/z, 1/z), where pixels are linear, and re-expresses the
+  /// error so that its covariance in these coordinates is unchanged: with straight ones the noise of far
+  /// points' depth turns into an error of scale. Of the pose before the correction.
   PointChart inverseDepthChart(const Filter& filter) const;
 
  private:
+  StereoPixels withoutBias(const StereoPixels& pixels) const;
   StereoCamera cameraOf(const Filter& filter) const;
 
   StereoRig rig_;
