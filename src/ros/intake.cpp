@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "vi_ekf_slam/ros/feature_screen.hpp"
+#include "vi_ekf_slam/ros/input/feature_screen.hpp"
 
 namespace vi_ekf_slam {
 

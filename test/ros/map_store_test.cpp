@@ -1,5 +1,5 @@
 // What a node starts with, and what becomes of what an earlier one left.
-#include "vi_ekf_slam/ros/map_store.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>

@@ -7,7 +7,7 @@
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
-#include "vi_ekf_slam/ros/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {

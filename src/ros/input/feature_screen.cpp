@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/feature_screen.hpp"
+#include "vi_ekf_slam/ros/input/feature_screen.hpp"
 
 #include <algorithm>
 #include <unordered_set>

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
+#include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
 
 #include <cmath>
 #include <cstdio>

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/map_messages.hpp"
+#include "vi_ekf_slam/ros/output/map_messages.hpp"
 
 #include <sensor_msgs/point_cloud2_iterator.h>
 

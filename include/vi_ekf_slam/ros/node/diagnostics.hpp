@@ -9,9 +9,9 @@
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
-#include "vi_ekf_slam/ros/latency_meter.hpp"
-#include "vi_ekf_slam/ros/load_control.hpp"
-#include "vi_ekf_slam/ros/work_queue.hpp"
+#include "vi_ekf_slam/ros/node/latency_meter.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
 
 namespace vi_ekf_slam {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/map_store.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
 
 #include <filesystem>
 #include <stdexcept>

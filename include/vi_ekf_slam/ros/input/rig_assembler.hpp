@@ -8,7 +8,7 @@
 #include <string>
 
 #include "vi_ekf_slam/core/geometry/camera.hpp"
-#include "vi_ekf_slam/ros/feature_screen.hpp"
+#include "vi_ekf_slam/ros/input/feature_screen.hpp"
 
 namespace vi_ekf_slam {
 

@@ -14,14 +14,14 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/run/run_writer.hpp"
-#include "vi_ekf_slam/ros/diagnostics.hpp"
+#include "vi_ekf_slam/ros/node/diagnostics.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
-#include "vi_ekf_slam/ros/load_control.hpp"
-#include "vi_ekf_slam/ros/map_store.hpp"
-#include "vi_ekf_slam/ros/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/publishers.hpp"
-#include "vi_ekf_slam/ros/tuning.hpp"
-#include "vi_ekf_slam/ros/work_queue.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
+#include "vi_ekf_slam/ros/node/tuning.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
 
 namespace vi_ekf_slam {
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "vi_ekf_slam/core/run/memory.hpp"
-#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/transform_publisher.hpp"
+#include "vi_ekf_slam/ros/output/transform_publisher.hpp"
 
 #include <vector>
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/tuning.hpp"
+#include "vi_ekf_slam/ros/node/tuning.hpp"
 
 #include <array>
 #include <cmath>

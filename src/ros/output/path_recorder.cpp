@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/path_recorder.hpp"
 
 #include <algorithm>
 #include <cmath>

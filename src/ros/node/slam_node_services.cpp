@@ -1,6 +1,6 @@
 // What SlamNode does when it is asked, in the services' thread.
 
-#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 namespace vi_ekf_slam {
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
 
 namespace vi_ekf_slam {
 

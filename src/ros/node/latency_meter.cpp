@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/latency_meter.hpp"
+#include "vi_ekf_slam/ros/node/latency_meter.hpp"
 
 #include <algorithm>
 

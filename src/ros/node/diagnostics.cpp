@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/diagnostics.hpp"
+#include "vi_ekf_slam/ros/node/diagnostics.hpp"
 
 #include <algorithm>
 

@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
-#include "vi_ekf_slam/ros/map_messages.hpp"
-#include "vi_ekf_slam/ros/pacer.hpp"
-#include "vi_ekf_slam/ros/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/map_messages.hpp"
+#include "vi_ekf_slam/ros/output/pacer.hpp"
+#include "vi_ekf_slam/ros/output/path_recorder.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
-#include "vi_ekf_slam/ros/transform_publisher.hpp"
+#include "vi_ekf_slam/ros/output/transform_publisher.hpp"
 
 namespace vi_ekf_slam {
 

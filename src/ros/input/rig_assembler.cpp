@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 
 #include <tf2/exceptions.h>
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 #include <utility>
 

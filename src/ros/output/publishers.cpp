@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/publishers.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
 
 #include <ros/serialization.h>
 

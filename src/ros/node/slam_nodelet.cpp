@@ -4,7 +4,7 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
-#include "vi_ekf_slam/ros/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 namespace vi_ekf_slam {
 

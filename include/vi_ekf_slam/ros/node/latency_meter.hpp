@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "vi_ekf_slam/ros/work_queue.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
 
 namespace vi_ekf_slam {
 

@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "vi_ekf_slam/ros/slam_node.hpp"
-#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/work_queue.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
 
 #include <algorithm>
 #include <utility>
