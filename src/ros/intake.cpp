@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/ros/intake.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
@@ -9,19 +10,30 @@ namespace vi_ekf_slam {
 
 using conversions::Rejection;
 
+namespace {
+
+constexpr std::size_t kMostReports =
+    20; // frames; what writes another name each time is not to fill the memory
+
+} // namespace
+
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
     : system_(system),
       imu_frame_(config.imu_frame),
-      rig_(topics.left_info, topics.right_info),
+      rig_(frames_, topics.left_info, topics.right_info),
+      velocities_(frames_, config),
       max_features_(config.max_features),
       feature_limit_(config.max_features) {
   rig_.setImuFrame(imu_frame_);
+  velocities_.setImuFrame(imu_frame_);
 }
 
 void Intake::learnImuFrame(const std::string& frame_id) {
   if (!imu_frame_.empty()) return;
   imu_frame_ = conversions::frameName(frame_id);
   rig_.setImuFrame(imu_frame_);
+  velocities_.setImuFrame(imu_frame_);
+  release(false); // what came before this message
   offerRig();
 }
 
@@ -37,20 +49,71 @@ void Intake::offerRig() {
   if (!system_.hasRig() && rig_.rig()) system_.setRig(*rig_.rig());
 }
 
+void Intake::report(const std::string& frame, const std::string& problem) {
+  if (reported_frames_.size() >= kMostReports || !reported_frames_.insert(frame).second) return;
+  if (problem_handler_) problem_handler_(problem);
+}
+
+void Intake::hand(Arrival arrival) {
+  waiting_.push_back(std::move(arrival));
+  release(false);
+}
+
+/// Sensor time has passed; a stamp that is far off ends the waiting too, which must not last for ever.
+bool Intake::hasWaited(const Arrival& arrival) const {
+  const double waited = secondsBetween(stampOf(arrival.measurement), stampOf(waiting_.back().measurement));
+  return std::abs(waited) >= system_.config().rig_wait_s ||
+         waiting_.size() > system_.config().buffer.max_size;
+}
+
+void Intake::release(bool at_once) {
+  while (!waiting_.empty()) {
+    Arrival& first = waiting_.front();
+    auto* velocity = std::get_if<VelocitySample>(&first.measurement);
+    const bool usable = velocity == nullptr || velocities_.carry(*velocity, first.frame);
+    if (!usable) {
+      const bool hopeless = velocities_.isImpossible(first.frame) || velocities_.isGivenUp(first.frame);
+      if (!at_once && !hopeless && !hasWaited(first)) return;
+      velocities_.giveUp(first.frame);
+      report("velocity: " + first.frame, velocities_.problem(first.frame));
+      turnAway("velocity: no transform from its frame to the IMU's", 1);
+    }
+    Arrival arrival = std::move(waiting_.front());
+    waiting_.pop_front();
+    if (usable) system_.add(std::move(arrival.measurement));
+  }
+}
+
+void Intake::flush() { release(true); }
+
 void Intake::add(const sensor_msgs::Imu& message) {
   ++received_;
   auto converted = conversions::toGyro(message, imu_frame_);
-  if (!converted.sample) return turnAway("imu", converted.rejection);
+  if (!converted.sample) {
+    if (converted.rejection == Rejection::kWrongFrame)
+      report("imu: " + message.header.frame_id,
+             "imu messages in '" + message.header.frame_id + "' are not used: " +
+                 (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
+                                     : "the IMU's frame is '" + imu_frame_ +
+                                           "', which ros/imu_frame or the first imu message said"));
+    return turnAway("imu", converted.rejection);
+  }
   learnImuFrame(message.header.frame_id); // of the first one that can be used
-  system_.add(std::move(*converted.sample));
+  hand({std::move(*converted.sample), {}});
 }
 
 void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
+  addVelocity(conversions::toVelocity(message), message.header.frame_id);
+}
+
+void Intake::add(const nav_msgs::Odometry& message) {
+  addVelocity(conversions::toVelocity(message), message.child_frame_id);
+}
+
+void Intake::addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id) {
   ++received_;
-  auto converted = conversions::toVelocity(message, imu_frame_);
   if (!converted.sample) return turnAway("velocity", converted.rejection);
-  learnImuFrame(message.header.frame_id);
-  system_.add(std::move(*converted.sample));
+  hand({std::move(*converted.sample), conversions::frameName(frame_id)});
 }
 
 void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message) {
@@ -73,7 +136,7 @@ void Intake::add(const StereoFeatureArray& message) {
   if (feature_limit_ < max_features_) {
     shed_features_ += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
   }
-  system_.add(std::move(*converted.sample));
+  hand({std::move(*converted.sample), {}});
 }
 
 void Intake::addLeftInfo(const sensor_msgs::CameraInfo& message) {
@@ -87,8 +150,10 @@ void Intake::addRightInfo(const sensor_msgs::CameraInfo& message) {
 }
 
 void Intake::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
-  rig_.addTransforms(message, is_static);
+  frames_.add(message, is_static);
+  rig_.noteTransforms();
   offerRig();
+  release(false);
 }
 
 } // namespace vi_ekf_slam

@@ -1,7 +1,5 @@
 #include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 
-#include <tf2/exceptions.h>
-
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -69,8 +67,8 @@ StereoCamera toCamera(const sensor_msgs::CameraInfo& left, const sensor_msgs::Ca
 
 } // namespace
 
-RigAssembler::RigAssembler(std::string left_topic, std::string right_topic)
-    : left_topic_(std::move(left_topic)), right_topic_(std::move(right_topic)) {
+RigAssembler::RigAssembler(const FrameTree& frames, std::string left_topic, std::string right_topic)
+    : frames_(frames), left_topic_(std::move(left_topic)), right_topic_(std::move(right_topic)) {
   update();
 }
 
@@ -99,16 +97,6 @@ void RigAssembler::addRight(const sensor_msgs::CameraInfo& info) {
   update();
 }
 
-void RigAssembler::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
-  if (rig_) return;
-  for (geometry_msgs::TransformStamped transform : message.transforms) {
-    transform.header.frame_id = conversions::frameName(transform.header.frame_id);
-    transform.child_frame_id = conversions::frameName(transform.child_frame_id);
-    transforms_.setTransform(transform, "vi_ekf_slam", is_static);
-  }
-  update();
-}
-
 std::optional<ImageSize> RigAssembler::imageSize() const {
   if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
   if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
@@ -118,15 +106,11 @@ std::optional<ImageSize> RigAssembler::imageSize() const {
 std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
   if (imu_frame_.empty()) return "the IMU's frame is not known yet (no IMU message)";
   if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
-  try {
-    // The transform that takes points of the source (IMU) to the target (left optical frame).
-    cam_T_imu =
-        conversions::toSE3(transforms_.lookupTransform(left_frame_, imu_frame_, ros::Time(0)).transform);
-    if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
-    return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";
-  } catch (const tf2::TransformException&) {
-    return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
-  }
+  const auto found = frames_.find(left_frame_, imu_frame_);
+  if (!found) return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
+  cam_T_imu = *found;
+  if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
+  return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";
 }
 
 void RigAssembler::update() {

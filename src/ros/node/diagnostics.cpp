@@ -35,12 +35,14 @@ std::optional<double> RateMeter::silence() const {
 Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources)
     : system_(sources.system),
       intake_(sources.intake),
+      publishers_(sources.publishers),
       queue_(sources.queue),
       load_(sources.load),
       updater_(nh, private_nh) {
   updater_.setHardwareID("vi_ekf_slam");
   updater_.add("inputs", this, &Diagnostics::inputs);
   updater_.add("calibration", this, &Diagnostics::calibration);
+  updater_.add("frames", this, &Diagnostics::frames);
   updater_.add("estimator", this, &Diagnostics::estimator);
   updater_.add("divergence", this, &Diagnostics::divergence);
   updater_.add("map", this, &Diagnostics::map);
@@ -84,6 +86,17 @@ void Diagnostics::calibration(Status& status) {
   }
   if (intake_.rigAssembler().changedLater()) {
     status.summary(DiagnosticStatus::WARN, "camera_info has changed; the first calibration stays in use");
+  }
+}
+
+void Diagnostics::frames(Status& status) {
+  status.add("IMU", intake_.imuFrame());
+  status.add("base", publishers_.base().name());
+  const std::string problem = publishers_.problem();
+  if (problem.empty()) {
+    status.summary(DiagnosticStatus::OK, "all that is configured is published");
+  } else {
+    status.summary(DiagnosticStatus::ERROR, problem);
   }
 }
 

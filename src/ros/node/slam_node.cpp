@@ -15,8 +15,8 @@ constexpr std::uint32_t kInputQueue = 10000; // messages an input; deep, so that
 
 InputTopics SlamNode::resolvedTopics(const ros::NodeHandle& nh) {
   InputTopics topics;
-  for (std::string* name :
-       {&topics.imu, &topics.velocity, &topics.features, &topics.left_info, &topics.right_info}) {
+  for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.features,
+                            &topics.left_info, &topics.right_info}) {
     *name = nh.resolveName(*name);
   }
   return topics;
@@ -34,9 +34,9 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
         publishers_.publish(output, is_frame, intake_.imuFrame());
         diagnostics_.noteOutput(output, is_frame);
       }),
-      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s,
+      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s, intake_.frames(),
                   [this] { return system_.estimator().landmarks(); }),
-      diagnostics_(nh_, private_nh_, {system_, intake_, queue_, load_}),
+      diagnostics_(nh_, private_nh_, {system_, intake_, publishers_, queue_, load_}),
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
       queue_({settings_.config.ros.max_latency_s, 3 * kInputQueue}) {
   connectSystem();
@@ -57,6 +57,7 @@ void SlamNode::connectSystem() {
   system_.onFrame([this](const Output& output) { handleOutput(output, true); });
   system_.onNoise([](const StreamNoise& noise) { ROS_INFO_STREAM("noise: " << toText(noise)); });
   system_.onReset([this](const std::string& reason) { handleReset(reason); });
+  intake_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
 }
 
 template <typename Message>
@@ -86,15 +87,16 @@ void SlamNode::subscribe() {
   using sensor_msgs::CameraInfo;
   using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listen<TFMessage>("/tf_static", [this](const TFMessage& m) { intake_.addTransforms(m, true); }, {});
+  listen<TFMessage>("/tf_static", [this](const TFMessage& m) { handleTransforms(m, true); }, {});
   listen<TFMessage>(
-      "/tf", [this](const TFMessage& m) { intake_.addTransforms(m, false); }, {}, &transforms_wanted_);
+      "/tf", [this](const TFMessage& m) { handleTransforms(m, false); }, {}, &transforms_wanted_);
   listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
   listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
   listen<geometry_msgs::TwistWithCovarianceStamped>(names.twist_bias,
                                                     [this](const auto& m) { intake_.addTwistBias(m); }, {});
   listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
   listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
+  listenToMeasurements<nav_msgs::Odometry>(names.wheel_odometry, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
 }
 
@@ -128,7 +130,13 @@ void SlamNode::process(WorkQueue::Item& item) {
   item.work();
   // Calibration lets go of the measurements that waited for it, so this is due after every kind of item.
   sequencer_.endOfDrain();
-  transforms_wanted_ = system_.needsRig() && !system_.hasRig();
+  transforms_wanted_ =
+      (system_.needsRig() && !system_.hasRig()) || intake_.isWaiting() || publishers_.needTransforms();
+}
+
+void SlamNode::handleTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+  intake_.addTransforms(message, is_static);
+  publishers_.noteTransforms();
 }
 
 std::string SlamNode::failure() const {
@@ -166,7 +174,8 @@ void SlamNode::handleReset(const std::string& reason) {
   ROS_WARN_STREAM("reset: " << reason << "; state, map and paths start anew");
   sequencer_.endOfDrain();
   diagnostics_.restart();
-  publishers_.reset();
+  intake_.restartTransforms();
+  publishers_.restart();
   writer_.restart();
 }
 
@@ -189,6 +198,8 @@ void SlamNode::warn() {
   } else if (intake_.rigAssembler().changedLater()) {
     warning = "camera_info has changed; the first calibration stays in use until a restart";
   }
+  const std::string unpublished = publishers_.problem();
+  if (!unpublished.empty()) warning += (warning.empty() ? "" : "; ") + unpublished;
   const auto turned_away = diagnostics_.allTurnedAway();
   if (turned_away != warned_turned_away_) {
     warned_turned_away_ = turned_away;
@@ -225,6 +236,7 @@ void SlamNode::finish() {
   stopWork();
   try {
     if (failure().empty()) {
+      intake_.flush();
       system_.flush();
       sequencer_.endOfDrain();
       publishers_.publishAll();

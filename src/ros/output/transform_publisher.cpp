@@ -6,27 +6,52 @@
 
 namespace vi_ekf_slam {
 
-TransformPublisher::TransformPublisher(const RosConfig& config, double max_jump_back_s)
-    : config_(config), max_jump_back_s_(max_jump_back_s) {}
+using conversions::toTransform;
 
-bool TransformPublisher::publish(const Output& output, const std::string& imu_frame) {
-  if (!config_.publish_tf || imu_frame.empty()) return false;
-  const Stamp stamp = output.state.stamp;
+TransformPublisher::TransformPublisher(const FrameTree& frames, const RosConfig& config,
+                                       double max_jump_back_s)
+    : config_(config), max_jump_back_s_(max_jump_back_s), foreign_(frames, config.odom_frame) {}
+
+bool TransformPublisher::followsForeignOdometry() const {
+  return config_.publish_tf && config_.publish_map_tf && !config_.publish_odom_tf && !config_.single_tf;
+}
+
+bool TransformPublisher::isNews(Stamp stamp) {
   if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_back_s_) return false;
   last_ = stamp;
-  const SE3& map_T_imu = output.state.world_T_imu;
-  std::vector<geometry_msgs::TransformStamped> transforms;
-  if (config_.single_tf) {
-    transforms.push_back(conversions::toTransform(map_T_imu, stamp, config_.map_frame, imu_frame));
-  } else {
-    const SE3 map_T_odom = map_T_imu * output.odom_T_imu.inverse();
-    transforms.push_back(conversions::toTransform(map_T_odom, stamp, config_.map_frame, config_.odom_frame));
-    if (config_.publish_odom_tf) {
-      transforms.push_back(conversions::toTransform(output.odom_T_imu, stamp, config_.odom_frame, imu_frame));
-    }
-  }
-  broadcaster_.sendTransform(transforms);
   return true;
+}
+
+void TransformPublisher::publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base,
+                                 const BaseFrame& base) {
+  if (!config_.publish_tf) return;
+  if (followsForeignOdometry()) {
+    foreign_.add(stamp, map_T_base);
+    noteTransforms(base);
+    return;
+  }
+  if (base.hasForeignParent() || !isNews(stamp)) return;
+  if (config_.single_tf) {
+    broadcaster_.sendTransform(toTransform(map_T_base, stamp, config_.map_frame, base.name()));
+    return;
+  }
+  std::vector<geometry_msgs::TransformStamped> transforms;
+  const Stamp later = stamp + fromSeconds(config_.transform_tolerance);
+  if (config_.publish_map_tf)
+    transforms.push_back(
+        toTransform(map_T_base * odom_T_base.inverse(), later, config_.map_frame, config_.odom_frame));
+  if (config_.publish_odom_tf)
+    transforms.push_back(toTransform(odom_T_base, stamp, config_.odom_frame, base.name()));
+  broadcaster_.sendTransform(transforms);
+}
+
+void TransformPublisher::noteTransforms(const BaseFrame& base) {
+  if (!followsForeignOdometry() || base.name().empty()) return;
+  const auto correction = foreign_.take(base.name());
+  if (!correction || !isNews(correction->stamp)) return;
+  const Stamp later = correction->stamp + fromSeconds(config_.transform_tolerance);
+  broadcaster_.sendTransform(
+      toTransform(correction->map_T_odom, later, config_.map_frame, config_.odom_frame));
 }
 
 } // namespace vi_ekf_slam

@@ -1,14 +1,13 @@
 #pragma once
 
 #include <sensor_msgs/CameraInfo.h>
-#include <tf2/buffer_core.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <optional>
 #include <string>
 
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
+#include "vi_ekf_slam/ros/input/frame_tree.hpp"
 
 namespace vi_ekf_slam {
 
@@ -18,13 +17,14 @@ namespace vi_ekf_slam {
 /// As in stereo_image_proc, the left CameraInfo's frame_id is taken as the frame of the rectified left image.
 class RigAssembler {
  public:
-  /// Names of the two CameraInfo topics, for problem().
-  RigAssembler(std::string left_topic, std::string right_topic);
+  /// `frames` must outlive this. Names of the two CameraInfo topics, for problem().
+  RigAssembler(const FrameTree& frames, std::string left_topic, std::string right_topic);
 
   void setImuFrame(const std::string& imu_frame);
   void addLeft(const sensor_msgs::CameraInfo& info);
   void addRight(const sensor_msgs::CameraInfo& info);
-  void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);
+  /// `frames` has changed.
+  void noteTransforms() { update(); }
 
   const std::optional<StereoRig>& rig() const { return rig_; }
   /// What is missing or wrong, as a sentence that names topics and frames; empty once the rig is known.
@@ -41,13 +41,13 @@ class RigAssembler {
   void noteChange(const std::optional<sensor_msgs::CameraInfo>& held, const sensor_msgs::CameraInfo& info);
   std::string transformProblem(SE3& cam_T_imu) const;
 
+  const FrameTree& frames_;
   std::string left_topic_;
   std::string right_topic_;
   std::string imu_frame_;
   std::string left_frame_;
   std::optional<sensor_msgs::CameraInfo> left_;
   std::optional<sensor_msgs::CameraInfo> right_;
-  tf2::BufferCore transforms_;
   std::optional<StereoRig> rig_;
   std::string problem_;
   bool changed_later_ = false;

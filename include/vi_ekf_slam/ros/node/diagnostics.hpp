@@ -12,6 +12,7 @@
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
 #include "vi_ekf_slam/ros/node/load_control.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
 
 namespace vi_ekf_slam {
 
@@ -36,6 +37,7 @@ class Diagnostics {
   struct Sources {
     const SlamSystem& system;
     const Intake& intake;
+    const Publishers& publishers;
     const WorkQueue& queue;
     const LoadControl& load;
   };
@@ -58,6 +60,7 @@ class Diagnostics {
 
   void inputs(Status& status);
   void calibration(Status& status);
+  void frames(Status& status);
   void estimator(Status& status);
   void divergence(Status& status);
   void map(Status& status);
@@ -66,6 +69,7 @@ class Diagnostics {
 
   const SlamSystem& system_;
   const Intake& intake_;
+  const Publishers& publishers_;
   const WorkQueue& queue_;
   const LoadControl& load_;
   LatencyMeter latency_;

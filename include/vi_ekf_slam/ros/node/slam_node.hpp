@@ -14,14 +14,14 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/run/run_writer.hpp"
-#include "vi_ekf_slam/ros/node/diagnostics.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/node/diagnostics.hpp"
 #include "vi_ekf_slam/ros/node/load_control.hpp"
 #include "vi_ekf_slam/ros/node/map_store.hpp"
-#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/output/publishers.hpp"
 #include "vi_ekf_slam/ros/node/tuning.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
 
 namespace vi_ekf_slam {
 
@@ -72,6 +72,7 @@ class SlamNode {
               std::optional<Stream> stream, const std::atomic<bool>* wanted = nullptr);
   template <typename Message>
   void listenToMeasurements(const std::string& topic, Stream stream);
+  void handleTransforms(const tf2_msgs::TFMessage& message, bool is_static);
   void work();
   void process(WorkQueue::Item& item);
   void stopWork();

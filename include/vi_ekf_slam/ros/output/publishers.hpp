@@ -3,17 +3,16 @@
 #include <ros/ros.h>
 
 #include <atomic>
-#include <functional>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
-#include "vi_ekf_slam/ros/output/map_messages.hpp"
-#include "vi_ekf_slam/ros/output/pacer.hpp"
-#include "vi_ekf_slam/ros/output/path_recorder.hpp"
-#include "vi_ekf_slam/ros/ros_config.hpp"
+#include "vi_ekf_slam/ros/output/base_frame.hpp"
+#include "vi_ekf_slam/ros/output/map_publisher.hpp"
+#include "vi_ekf_slam/ros/output/path_publisher.hpp"
+#include "vi_ekf_slam/ros/output/smooth_odometry.hpp"
 #include "vi_ekf_slam/ros/output/transform_publisher.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
 
@@ -22,12 +21,21 @@ namespace vi_ekf_slam {
 /// from one thread; that of the callbacks may be another.
 class Publishers {
  public:
-  using LandmarkSource = std::function<std::vector<LandmarkEstimate>()>;
+  /// `frames` must outlive this; `landmarks`: in the estimator's world.
+  Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_back_s, const FrameTree& frames,
+             MapPublisher::LandmarkSource landmarks);
 
-  Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_back_s, LandmarkSource landmarks);
-
-  /// odometry, pose, TF, paths and, after a frame when the period is over, the map.
+  /// Odometry, pose, TF, paths and, after a frame when the period is over, the map; nothing as long as the
+  /// base frame is not known.
   void publish(const Output& output, bool is_frame, const std::string& imu_frame);
+  /// /tf or /tf_static have said more.
+  void noteTransforms() { transforms_.noteTransforms(base_); }
+  /// Whether /tf is to be listened to.
+  bool needTransforms() const { return base_.name().empty() || transforms_.followsForeignOdometry(); }
+  /// Why something is not published, and what to do; empty: all is.
+  std::string problem() const;
+  const BaseFrame& base() const { return base_; }
+
   /// Paths and map as they are now, whatever was sent before.
   void publishAll();
   /// What was held back of the paths for the bandwidth's sake, when nothing more seems to come: at the same
@@ -37,40 +45,22 @@ class Publishers {
   void serveNewListeners();
   /// s of sensor time between two paths and two maps, byte/s of each topic.
   void setRates(double path_period_s, double landmark_period_s, double max_bandwidth_bytes_s);
-  /// Paths and map are void.
+  /// Paths and map are void: poses are in another frame from now on.
   void reset();
+  /// The dead reckoning has begun anew too; the odometry goes on from where it was.
+  void restart();
 
  private:
-  /// A path's points and how it is sent.
-  struct PathOutput {
-    PathRecorder path;
-    Pacer pacer;
-    ros::Publisher publisher;
-    bool changed = false; ///< since it was sent
-    ros::SteadyTime sent; ///< by wall time, for when sensor time stands still
-  };
-
-  template <typename Message>
-  ros::Publisher advertiseLatched(const std::string& topic);
-  PathOutput makePath(const std::string& topic);
-  void sendPath(PathOutput& output);
-  void sendMap();
-
-  ros::NodeHandle nh_;
   RosConfig config_;
-  MarkerStyle style_;
-  LandmarkSource landmarks_;
+  BaseFrame base_;
+  SmoothOdometry smooth_;
   TransformPublisher transforms_;
   std::atomic<bool> listener_came_{false};
-  PathOutput path_;
-  PathOutput dead_reckoning_path_; ///< in the map frame too: as if nothing had corrected it
-  Pacer map_pacer_;
+  PathPublisher path_;
+  PathPublisher dead_reckoning_path_; ///< in the map frame too: as if nothing had corrected it
+  MapPublisher map_;
   std::optional<Stamp> last_stamp_;
-  std::size_t markers_shown_ = 0;
-  ros::Publisher odometry_pub_;
-  ros::Publisher pose_pub_;
-  ros::Publisher markers_pub_;
-  ros::Publisher cloud_pub_;
+  ros::Publisher odometry_, dead_reckoning_, pose_;
 };
 
 } // namespace vi_ekf_slam

@@ -3,25 +3,35 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <optional>
-#include <string>
 
-#include "vi_ekf_slam/core/slam/slam_system.hpp"
+#include "vi_ekf_slam/ros/output/base_frame.hpp"
+#include "vi_ekf_slam/ros/output/foreign_odometry.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
 
-/// Sends map -> odom -> imu (REP 105), or map -> imu where configured. A stamp that is not newer than the
-/// last one is not sent, unless time was set back by more than `max_jump_back_s`, which is a new start.
+/// Sends map -> odom -> base (REP 105), or what the configuration wants of it. A stamp that is not newer than
+/// the last one is not sent, unless time was set back by more than `max_jump_back_s`, which is a new start.
 class TransformPublisher {
  public:
-  TransformPublisher(const RosConfig& config, double max_jump_back_s);
+  /// `frames` must outlive this.
+  TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_back_s);
 
-  /// Whether the transforms were sent.
-  bool publish(const Output& output, const std::string& imu_frame);
+  void publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base, const BaseFrame& base);
+  /// Whether the odometry is somebody else's, so that /tf is to be listened to.
+  bool followsForeignOdometry() const;
+  /// /tf has gone on.
+  void noteTransforms(const BaseFrame& base);
+  /// Poses that wait for somebody else's odometry.
+  std::size_t waiting() const { return foreign_.waiting(); }
+  void restart() { foreign_.restart(); }
 
  private:
+  bool isNews(Stamp stamp);
+
   RosConfig config_;
   double max_jump_back_s_;
+  ForeignOdometry foreign_;
   std::optional<Stamp> last_;
   tf2_ros::TransformBroadcaster broadcaster_;
 };
