@@ -38,7 +38,8 @@ Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const S
       publishers_(sources.publishers),
       queue_(sources.queue),
       load_(sources.load),
-      updater_(nh, private_nh) {
+      updater_(nh, private_nh,
+               private_nh.getNamespace()) { // in a nodelet manager the process has another name
   updater_.setHardwareID("vi_ekf_slam");
   updater_.add("inputs", this, &Diagnostics::inputs);
   updater_.add("calibration", this, &Diagnostics::calibration);

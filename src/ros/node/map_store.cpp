@@ -72,9 +72,15 @@ std::string MapStore::source() const {
   return settings_.map_file.empty() && !settings_.output_dir.empty() ? savedPath() : settings_.map_file;
 }
 
-std::shared_ptr<const SavedMap> MapStore::load() const {
-  if (source().empty()) throw MapError("no map to load: set map_file or output_dir and restart");
-  return std::make_shared<const SavedMap>(readMapFile(source()));
+std::shared_ptr<const SavedMap> MapStore::load(const std::string& file) const {
+  const std::string path = file.empty() ? source() : file;
+  if (path.empty()) throw MapError("no map to load: give a file, or set map_file or output_dir and restart");
+  return std::make_shared<const SavedMap>(readMapFile(path));
+}
+
+void MapStore::noteLoaded(const std::string& file) {
+  const std::lock_guard<std::mutex> lock(loaded_mutex_);
+  loaded_ = file;
 }
 
 /// A broken file must not end the node again and again where something respawns it.
@@ -101,8 +107,9 @@ void MapStore::begin(SlamSystem& system) {
     }
   }
   if (settings_.map_file.empty()) return;
-  const auto map = load();
+  const auto map = load({});
   system.loadMap(map, source());
+  noteLoaded(source());
   ROS_INFO_STREAM("looking for the place in " << source() << ", with " << map->landmarks.size()
                                               << " landmarks");
 }
@@ -120,15 +127,16 @@ void MapStore::resume(SlamSystem& system, const std::shared_ptr<const SavedMap>&
   }
 }
 
-std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator) const {
-  const bool would_replace = !settings_.resume && savedPath() == source();
+std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator, const std::string& path) const {
+  const std::lock_guard<std::mutex> lock(loaded_mutex_);
+  const bool would_replace = !settings_.resume && path == loaded_;
   if (estimator.mapUse() == MapUse::kWaiting && would_replace) return {};
   return estimator.savedMap();
 }
 
-void MapStore::write(const std::function<SavedMap()>& snapshot) {
+void MapStore::write(const std::function<SavedMap()>& snapshot, const std::string& path) {
   const std::lock_guard<std::mutex> lock(writing_);
-  writeMapFile(savedPath(), snapshot(), settings_.map_frame);
+  writeMapFile(path, snapshot(), settings_.map_frame);
 }
 
 } // namespace vi_ekf_slam

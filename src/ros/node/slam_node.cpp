@@ -2,33 +2,31 @@
 
 #include <utility>
 
+#include "vi_ekf_slam/ros/node/told_pose.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0;       // s of wall time between warnings
-constexpr double kIdlePeriod = 0.05;         // s that the worker waits for a message
-constexpr int kPause = 4;                    // such waits in vain, from which on paths are sent whole
-constexpr double kDrainLimit = 8.0;          // s; roslaunch waits 15 s between SIGINT and SIGTERM
 constexpr std::uint32_t kInputQueue = 10000; // messages an input; deep, so that a busy machine loses nothing
 
 } // namespace
 
-InputTopics SlamNode::resolvedTopics(const ros::NodeHandle& nh) {
+InputTopics SlamNode::resolvedTopics() const {
   InputTopics topics;
   for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.features,
                             &topics.left_info, &topics.right_info}) {
-    *name = nh.resolveName(*name);
+    *name = nh_.resolveName(*name);
   }
   return topics;
 }
 
 SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
     : nh_(std::move(nh)),
-      private_nh_(std::move(private_nh)),
-      settings_(readSettings(private_nh_)),
+      settings_(readNodeSettings(private_nh)),
       maps_(settings_.maps),
       system_(settings_.config.core),
-      intake_(system_, settings_.config.ros, resolvedTopics(nh_)),
+      intake_(system_, settings_.config.ros, resolvedTopics()),
       sequencer_([this](const Output& output, bool is_frame) {
         if (output.report.relocalised) publishers_.reset(); // earlier poses are in another frame
         publishers_.publish(output, is_frame, intake_.imuFrame());
@@ -36,14 +34,16 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
       }),
       publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s, intake_.frames(),
                   [this] { return system_.estimator().landmarks(); }),
-      diagnostics_(nh_, private_nh_, {system_, intake_, publishers_, queue_, load_}),
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
-      queue_({settings_.config.ros.max_latency_s, 3 * kInputQueue}) {
+      worker_({settings_.config.ros.max_latency_s, 3 * kInputQueue}),
+      diagnostics_(nh_, private_nh, {system_, intake_, publishers_, worker_.queue(), load_}),
+      results_(settings_, maps_, system_, worker_, [this] { return summary(); }) {
   connectSystem();
   maps_.begin(system_);
   subscribe();
-  advertiseServices();
-  worker_ = std::thread(&SlamNode::work, this); // last: nothing that may throw comes after it
+  services_ = std::make_unique<Services>(private_nh, settings_.config, actions(), worker_, results_, maps_);
+  worker_.start({[this](WorkQueue::Item& item) { process(item); }, [this](bool is_pause) { tend(is_pause); },
+                 [this](const std::string& failure) { diagnostics_.fail(failure); }});
   ROS_INFO_STREAM("configured from " << settings_.source << "; "
                                      << (settings_.output_dir.empty()
                                              ? "nothing is saved (~output_dir is empty)"
@@ -66,7 +66,7 @@ void SlamNode::listen(const std::string& topic, std::function<void(const Message
   const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
       [this, process, stream, wanted](const boost::shared_ptr<const Message>& message) {
         if (wanted != nullptr && !*wanted) return;
-        queue_.push([process, message] { process(*message); }, stream);
+        worker_.queue().push([process, message] { process(*message); }, stream);
       };
   subscribers_.push_back(nh_.subscribe<Message>(topic, kInputQueue, callback, ros::VoidConstPtr(),
                                                 ros::TransportHints().tcpNoDelay()));
@@ -77,13 +77,15 @@ void SlamNode::listenToMeasurements(const std::string& topic, Stream stream) {
   listen<Message>(
       topic,
       [this, stream](const Message& message) {
-        diagnostics_.noteInput(stream, message.header.stamp, item_arrival_);
+        diagnostics_.noteInput(stream, message.header.stamp, watch_.item_arrival);
         intake_.add(message);
       },
       stream);
 }
 
 void SlamNode::subscribe() {
+  using geometry_msgs::PoseWithCovarianceStamped;
+  using geometry_msgs::TwistWithCovarianceStamped;
   using sensor_msgs::CameraInfo;
   using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
@@ -92,37 +94,37 @@ void SlamNode::subscribe() {
       "/tf", [this](const TFMessage& m) { handleTransforms(m, false); }, {}, &transforms_wanted_);
   listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
   listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
-  listen<geometry_msgs::TwistWithCovarianceStamped>(names.twist_bias,
-                                                    [this](const auto& m) { intake_.addTwistBias(m); }, {});
+  listen<TwistWithCovarianceStamped>(names.twist_bias, [this](const auto& m) { intake_.addTwistBias(m); },
+                                     {});
+  listen<PoseWithCovarianceStamped>("initialpose",
+                                    [this](const auto& m) {
+                                      const std::string problem = setPose(m);
+                                      if (!problem.empty())
+                                        ROS_WARN_STREAM(nh_.resolveName("initialpose") << ": " << problem);
+                                    },
+                                    {});
   listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
-  listenToMeasurements<geometry_msgs::TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
+  listenToMeasurements<TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
   listenToMeasurements<nav_msgs::Odometry>(names.wheel_odometry, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
 }
 
-void SlamNode::work() {
-  try {
-    int idle = 0;
-    while (!abandon_) {
-      auto item = queue_.pop(kIdlePeriod);
-      idle = item ? 0 : idle + 1;
-      if (item) process(*item);
-      if (idle >= kPause) publishers_.publishUnsent();
-      if (!item && queue_.closed()) return;
-      publishers_.serveNewListeners();
-      checkHealth();
-    }
-  } catch (const std::exception& e) {
-    ROS_FATAL_STREAM("the computing has ended: " << e.what());
-    queue_.close();
-    queue_.clear();
-    const std::lock_guard<std::mutex> lock(failure_mutex_);
-    failure_ = std::string("the computing has ended: ") + e.what();
-  }
+Services::Actions SlamNode::actions() {
+  return {[this](const std::string& reason) { system_.reset(reason); },
+          [this](std::shared_ptr<const SavedMap> map, const std::string& file) {
+            system_.loadMap(std::move(map), file);
+            maps_.noteLoaded(file);
+          },
+          [this](const geometry_msgs::PoseWithCovarianceStamped& pose) { return setPose(pose); },
+          [this](const TuningConfig& tuning) {
+            publishers_.setRates(tuning.path_period_s, tuning.landmark_period_s,
+                                 tuning.max_bandwidth_bytes_s);
+            system_.setGates(gatesOf(tuning));
+          }};
 }
 
 void SlamNode::process(WorkQueue::Item& item) {
-  item_arrival_ = item.arrival;
+  watch_.item_arrival = item.arrival;
   if (item.stream == Stream::kStereo) {
     load_.noteFrame(secondsSince(item.arrival));
     intake_.limitFeatures(load_.limit());
@@ -134,14 +136,19 @@ void SlamNode::process(WorkQueue::Item& item) {
       (system_.needsRig() && !system_.hasRig()) || intake_.isWaiting() || publishers_.needTransforms();
 }
 
+void SlamNode::tend(bool is_pause) {
+  if (is_pause) publishers_.publishUnsent();
+  publishers_.serveNewListeners();
+  if (secondsSince(watch_.last_report) < diagnostics_.period()) return;
+  watch_.last_report = WorkQueue::Clock::now();
+  diagnostics_.publish();
+  if (secondsSince(watch_.last_warning) >= kWarningPeriod) warn();
+  results_.autosaveIfDue();
+}
+
 void SlamNode::handleTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
   intake_.addTransforms(message, is_static);
   publishers_.noteTransforms();
-}
-
-std::string SlamNode::failure() const {
-  const std::lock_guard<std::mutex> lock(failure_mutex_);
-  return failure_;
 }
 
 void SlamNode::handleOutput(const Output& output, bool is_frame) {
@@ -155,19 +162,14 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
     ROS_INFO_STREAM(
         "relocalised in the loaded map; from now on poses and landmarks are in its frame, and paths start "
         "anew");
-    writer_.restart();
+    results_.restart();
   }
   if (is_frame) {
     sequencer_.addFrame(output);
   } else {
     sequencer_.addGyro(output);
   }
-  if (settings_.output_dir.empty()) return;
-  if (is_frame) {
-    writer_.addFrame(output);
-  } else {
-    writer_.addGyro(output);
-  }
+  results_.add(output, is_frame);
 }
 
 void SlamNode::handleReset(const std::string& reason) {
@@ -176,16 +178,24 @@ void SlamNode::handleReset(const std::string& reason) {
   diagnostics_.restart();
   intake_.restartTransforms();
   publishers_.restart();
-  writer_.restart();
+  results_.restart();
 }
 
-void SlamNode::checkHealth() {
-  // By wall time, because the simulated clock of a bag may stand still.
-  if (secondsSince(last_health_) < diagnostics_.period()) return;
-  last_health_ = WorkQueue::Clock::now();
-  diagnostics_.publish();
-  if (secondsSince(last_warning_) >= kWarningPeriod) warn();
-  if (isAutosaveDue()) autosave();
+/// Why nothing was done; empty: it was.
+std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& message) {
+  ToldPose told;
+  const std::string problem = readToldPose(message, settings_.config.ros.map_frame, publishers_.base(), told);
+  if (!problem.empty()) return problem;
+  sequencer_.endOfDrain();
+  const bool was_elsewhere = system_.estimator().mapUse() == MapUse::kWaiting;
+  if (!system_.setPose(told.world_T_imu, told.covariance))
+    return "the pose is not set: the configured estimator cannot, or its covariance would not be valid";
+  ROS_INFO_STREAM("the pose is set" << (was_elsewhere ? ", in the loaded map; paths start anew" : ""));
+  if (was_elsewhere) { // earlier poses are in another frame
+    publishers_.reset();
+    results_.restart();
+  }
+  return {};
 }
 
 void SlamNode::warn() {
@@ -201,39 +211,32 @@ void SlamNode::warn() {
   const std::string unpublished = publishers_.problem();
   if (!unpublished.empty()) warning += (warning.empty() ? "" : "; ") + unpublished;
   const auto turned_away = diagnostics_.allTurnedAway();
-  if (turned_away != warned_turned_away_) {
-    warned_turned_away_ = turned_away;
-    for (const auto& [reason, count] : warned_turned_away_) {
+  if (turned_away != watch_.warned_turned_away) {
+    watch_.warned_turned_away = turned_away;
+    for (const auto& [reason, count] : turned_away) {
       warning +=
           (warning.empty() ? "turned away: " : "; turned away: ") + reason + ": " + std::to_string(count);
     }
   }
   if (warning.empty()) return;
-  last_warning_ = WorkQueue::Clock::now();
+  watch_.last_warning = WorkQueue::Clock::now();
   ROS_WARN_STREAM(warning);
 }
 
-void SlamNode::stopWork() {
-  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
-  queue_.close();
-  const auto start = WorkQueue::Clock::now();
-  while (queue_.counts().size > 0 && secondsSince(start) < kDrainLimit) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  const std::size_t lost = queue_.clear();
-  if (lost > 0) ROS_WARN_STREAM("stopped before " << lost << " messages that had come were processed");
-  abandon_ = true;
-  if (worker_.joinable()) worker_.join();
-  for (ros::ServiceServer& service : services_) service.shutdown();
-  service_spinner_.stop();
-  tuning_.reset();
-  if (autosave_.valid()) autosave_.wait();
+RunSummary SlamNode::summary() const {
+  return {"topics",
+          settings_.source,
+          secondsSince(watch_.start),
+          system_.counts(),
+          diagnostics_.allTurnedAway(),
+          system_.noise().streams()};
 }
 
 void SlamNode::finish() {
-  if (finished_) return;
-  finished_ = true;
-  stopWork();
+  if (!services_) return;
+  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  worker_.stop();
+  services_.reset();
   try {
     if (failure().empty()) {
       intake_.flush();
@@ -241,15 +244,10 @@ void SlamNode::finish() {
       sequencer_.endOfDrain();
       publishers_.publishAll();
     }
-    if (settings_.output_dir.empty()) return;
-    save(writer_, settings_.output_dir, summary(), system_.estimator().landmarks());
-    // Takes longer: who ends the node may not wait for it.
-    RunWriter::writeMap(settings_.output_dir, system_.estimator().exactLandmarks());
-    if (const auto map = mapToKeep()) maps_.write(map);
-    ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << settings_.output_dir);
   } catch (const std::exception& e) {
-    ROS_ERROR_STREAM("not saved: " << e.what());
+    ROS_ERROR_STREAM("the last measurements are not processed: " << e.what());
   }
+  results_.saveAtTheEnd();
 }
 
 } // namespace vi_ekf_slam

@@ -26,12 +26,28 @@ TuningConfig tuningOf(const FullConfig& config) {
 
 Gates gatesOf(const TuningConfig& tuning) { return {tuning.gate, tuning.frame_gate}; }
 
+void applyStored(const ros::NodeHandle& private_nh, FullConfig& config) {
+  const ros::NodeHandle nh(private_nh, "tuning");
+  const TuningConfig configured = tuningOf(config);
+  TuningConfig stored = configured;
+  stored.__fromServer__(nh);
+  for (const double number : numbersOf(stored)) {
+    if (!std::isfinite(number)) throw ConfigError(nh.getNamespace() + ": must hold finite numbers");
+  }
+  stored.__clamp__();
+  if (numbersOf(stored) == numbersOf(configured)) return;
+  ROS_INFO_STREAM("rates and gates are those stored in " << nh.getNamespace() << ", not the configuration's");
+  config.ros.path_period_s = stored.path_period_s;
+  config.ros.landmark_period_s = stored.landmark_period_s;
+  config.ros.max_bandwidth_bytes_s = stored.max_bandwidth_bytes_s;
+  setGates(config.core.invariant, gatesOf(stored));
+}
+
 Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
                std::function<bool(const TuningConfig&)> apply)
     : current_(tuningOf(config)),
       apply_(std::move(apply)),
       server_(mutex_, ros::NodeHandle(private_nh, "tuning")) {
-  // What an earlier node left on the parameter server does not count: the configuration says what is.
   server_.updateConfig(current_);
   server_.setCallback([this](TuningConfig& wanted, std::uint32_t /*level*/) { change(wanted); });
 }

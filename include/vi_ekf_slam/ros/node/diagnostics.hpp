@@ -52,6 +52,10 @@ class Diagnostics {
   std::map<std::string, std::uint64_t> allTurnedAway() const;
   void noteOutput(const Output& output, bool is_frame);
   void publish() { updater_.force_update(); }
+  /// The node ends by this: nothing is reported after it.
+  void fail(const std::string& failure) {
+    updater_.broadcast(diagnostic_msgs::DiagnosticStatus::ERROR, failure);
+  }
   /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
   double period() { return std::max(0.05, updater_.getPeriod()); }
 

@@ -38,28 +38,33 @@ class MapStore {
   /// warning. Throws MapError for ~map_file, and std::runtime_error where files cannot be moved.
   void begin(SlamSystem& system);
 
-  /// Where load reads: ~map_file, or output_dir/map.bag.
+  /// output_dir/map.bag.
+  std::string savedPath() const;
+  /// Where a map is read from that nobody names: ~map_file, or output_dir/map.bag.
   std::string source() const;
-  /// Throws MapError.
-  std::shared_ptr<const SavedMap> load() const;
+  /// The map in `file`, or where that is empty in source(). Throws MapError.
+  std::shared_ptr<const SavedMap> load(const std::string& file) const;
+  /// The map of this file is the one to be relocalised in.
+  void noteLoaded(const std::string& file);
 
   /// Whether map.bag is to be kept up to date without being asked for.
   bool keepsSaved() const { return settings_.resume || asked_for_; }
-  /// Of the estimator now: empty where it has none, or would put one that is not relocalised in the place of
-  /// the map that it is to be relocalised in.
-  std::function<SavedMap()> snapshot(const Estimator& estimator) const;
+  /// Of the estimator now, to be written to `path`: empty where it has none, or would put one that is not
+  /// relocalised in the place of the map that it is to be relocalised in.
+  std::function<SavedMap()> snapshot(const Estimator& estimator, const std::string& path) const;
   /// Computes and writes the map. Throws MapError.
-  void write(const std::function<SavedMap()>& snapshot);
+  void write(const std::function<SavedMap()>& snapshot, const std::string& path);
   /// From now on keepsSaved().
   void askFor() { asked_for_ = true; }
 
  private:
-  std::string savedPath() const;
   std::shared_ptr<const SavedMap> readOrSetAside() const;
   void resume(SlamSystem& system, const std::shared_ptr<const SavedMap>& map) const;
 
   Settings settings_;
   std::mutex writing_;
+  mutable std::mutex loaded_mutex_;
+  std::string loaded_; ///< file
   std::atomic<bool> asked_for_{false};
 };
 

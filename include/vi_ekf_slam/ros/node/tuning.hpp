@@ -17,7 +17,7 @@ namespace vi_ekf_slam {
 class Tuning {
  public:
   /// `private_nh`'s queue serves the changes. `apply` is called in its thread with each change, not with the
-  /// configuration's own values; false: the node is ending, and nothing changes.
+  /// values of `config` at the start; false: the node is ending, and nothing changes.
   Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
          std::function<bool(const TuningConfig&)> apply);
 
@@ -29,6 +29,10 @@ class Tuning {
   boost::recursive_mutex mutex_; ///< the server's: with one of its own it warns of updateConfig
   dynamic_reconfigure::Server<TuningConfig> server_;
 };
+
+/// What ~tuning holds on the parameter server, as dynamic_reconfigure's servers start with, takes the place
+/// of the configuration's. Throws ConfigError for what is not a number.
+void applyStored(const ros::NodeHandle& private_nh, FullConfig& config);
 
 /// The gates among the values.
 Gates gatesOf(const TuningConfig& tuning);

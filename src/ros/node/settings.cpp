@@ -1,16 +1,15 @@
-// The parameters that SlamNode starts with.
+#include "vi_ekf_slam/ros/node/settings.hpp"
 
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
-#include "vi_ekf_slam/ros/node/slam_node.hpp"
+#include "vi_ekf_slam/core/run/run_writer.hpp"
+#include "vi_ekf_slam/ros/node/tuning.hpp"
 #include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
 
 namespace vi_ekf_slam {
-namespace {
 
-/// Absolute, with a leading ~ replaced by the home directory.
 std::string absolutePath(const std::string& path) {
   if (path.empty()) return path;
   const char* home = std::getenv("HOME");
@@ -18,10 +17,8 @@ std::string absolutePath(const std::string& path) {
   return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
 }
 
-} // namespace
-
-SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
-  Settings settings;
+NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
+  NodeSettings settings;
   settings.source = "parameters of " + private_nh.getNamespace();
   XmlRpc::XmlRpcValue tree;
   std::string yaml;
@@ -32,6 +29,7 @@ SlamNode::Settings SlamNode::readSettings(const ros::NodeHandle& private_nh) {
                          "diagnostic_period", "tuning"});
   }
   settings.config = parseFullConfig(yaml, settings.source);
+  applyStored(private_nh, settings.config);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
     throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
   }
