@@ -71,10 +71,11 @@ void Intake::release(bool at_once) {
     Arrival& first = waiting_.front();
     auto* velocity = std::get_if<VelocitySample>(&first.measurement);
     const bool usable = velocity == nullptr || velocities_.carry(*velocity, first.frame);
+    if (velocity != nullptr && usable) may_wait_ = false;
     if (!usable) {
-      const bool hopeless = velocities_.isImpossible(first.frame) || velocities_.isGivenUp(first.frame);
-      if (!at_once && !hopeless && !hasWaited(first)) return;
-      velocities_.giveUp(first.frame);
+      const bool is_hopeless = velocities_.isImpossible(first.frame);
+      if (may_wait_ && !at_once && !is_hopeless && !hasWaited(first)) return;
+      may_wait_ = may_wait_ && is_hopeless;
       report("velocity: " + first.frame, velocities_.problem(first.frame));
       turnAway("velocity: no transform from its frame to the IMU's", 1);
     }

@@ -31,8 +31,8 @@ struct InputTopics {
 /// The one path from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
 /// it turns away, and hands over the calibration as soon as it is complete.
 ///
-/// The IMU's messages say what the IMU's frame is. A velocity may be of any frame of the vehicle; until the
-/// transform is known that carries it to the IMU, it waits, and all that comes after it, for as long as
+/// The IMU's messages say what the IMU's frame is. A velocity may be of any frame of the vehicle; the first
+/// one waits for the transform that carries it to the IMU, and all that comes after it, for as long as
 /// measurements wait for the calibration.
 class Intake {
  public:
@@ -96,6 +96,7 @@ class Intake {
   RigAssembler rig_;
   VelocityFrames velocities_;
   std::deque<Arrival> waiting_; ///< in the order in which they came; the first is a velocity
+  bool may_wait_ = true;        ///< only the first velocity does: later ones are not to hold up what runs
   std::set<std::string> reported_frames_;
   std::function<void(const std::string&)> problem_handler_;
   std::uint64_t received_ = 0;

@@ -5,22 +5,20 @@ bool VelocityFrames::carry(VelocitySample& sample, const std::string& frame) {
   if (imu_frame_.empty()) return false;
   if (frame == imu_frame_) return true;
   if (isImpossible(frame)) return false;
-  const auto known = known_.find(frame);
-  std::optional<SE3> imu_T_frame;
-  if (known != known_.end()) imu_T_frame = known->second.imu_T_frame;
-  if (!imu_T_frame) {
-    imu_T_frame = frames_.find(imu_frame_, frame);
+  auto known = imu_T_frame_.find(frame);
+  if (known == imu_T_frame_.end()) {
+    const auto imu_T_frame = frames_.find(imu_frame_, frame);
     const bool usable = imu_T_frame && imu_T_frame->translation().norm() <= kVehicleSize;
-    if (!usable || (known == known_.end() && known_.size() >= kMostFrames)) return false;
-    known_[frame].imu_T_frame = imu_T_frame;
+    if (!usable || imu_T_frame_.size() >= kMostFrames) return false;
+    known = imu_T_frame_.emplace(frame, *imu_T_frame).first;
   }
-  const Eigen::Matrix3d& R = imu_T_frame->rotation();
+  const Eigen::Matrix3d& R = known->second.rotation();
   sample.linear_velocity = R * sample.linear_velocity;
   if (sample.covariance) {
     const Eigen::Matrix3d turned = R * *sample.covariance * R.transpose();
     sample.covariance = 0.5 * (turned + turned.transpose());
   }
-  sample.lever_arm = imu_T_frame->translation();
+  sample.lever_arm = known->second.translation();
   return true;
 }
 
@@ -37,15 +35,6 @@ std::string VelocityFrames::problem(const std::string& frame) const {
   return what + "no transform connects it to the IMU's frame '" + imu_frame_ +
          "'; publish it on /tf_static (a robot description does), or set header.frame_id to '" + imu_frame_ +
          "' if it is the IMU's velocity";
-}
-
-void VelocityFrames::giveUp(const std::string& frame) {
-  if (known_.size() < kMostFrames) known_[frame].given_up = true;
-}
-
-bool VelocityFrames::isGivenUp(const std::string& frame) const {
-  const auto known = known_.find(frame);
-  return known == known_.end() ? known_.size() >= kMostFrames : known->second.given_up;
 }
 
 } // namespace vi_ekf_slam

@@ -26,21 +26,12 @@ class VelocityFrames {
   /// Why carry says no, and what to do.
   std::string problem(const std::string& frame) const;
 
-  /// Nobody waits for this frame any more.
-  void giveUp(const std::string& frame);
-  bool isGivenUp(const std::string& frame) const;
-
  private:
   static constexpr std::size_t kMostFrames = 50; // of a vehicle; more are a fault, and not to fill the memory
 
-  struct Frame {
-    std::optional<SE3> imu_T_frame;
-    bool given_up = false;
-  };
-
   const FrameTree& frames_;
   std::string map_frame_, odom_frame_, imu_frame_;
-  std::map<std::string, Frame> known_;
+  std::map<std::string, SE3> imu_T_frame_; ///< by frame
 };
 
 } // namespace vi_ekf_slam
