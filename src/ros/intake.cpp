@@ -15,6 +15,13 @@ namespace {
 constexpr std::size_t kMostReports =
     20; // frames; what writes another name each time is not to fill the memory
 
+/// Wheel odometry often gives a variance for the way ahead alone, and zeros for the other axes.
+void fillUnsaidAxes(Eigen::Matrix3d& covariance, double sigma) {
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (covariance.row(i).isZero(0.0) && covariance.col(i).isZero(0.0)) covariance(i, i) = sigma * sigma;
+  }
+}
+
 } // namespace
 
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
@@ -38,11 +45,11 @@ void Intake::learnImuFrame(const std::string& frame_id) {
 }
 
 void Intake::turnAway(const char* input, Rejection rejection) {
-  ++turned_away_[std::string(input) + ": " + conversions::describe(rejection)];
+  ++counts_.turned_away[std::string(input) + ": " + conversions::describe(rejection)];
 }
 
 void Intake::turnAway(const char* reason, std::size_t count) {
-  if (count > 0) turned_away_[reason] += count;
+  if (count > 0) counts_.turned_away[reason] += count;
 }
 
 void Intake::offerRig() {
@@ -88,7 +95,7 @@ void Intake::release(bool at_once) {
 void Intake::flush() { release(true); }
 
 void Intake::add(const sensor_msgs::Imu& message) {
-  ++received_;
+  ++counts_.received;
   auto converted = conversions::toGyro(message, imu_frame_);
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
@@ -112,8 +119,10 @@ void Intake::add(const nav_msgs::Odometry& message) {
 }
 
 void Intake::addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id) {
-  ++received_;
+  ++counts_.received;
   if (!converted.sample) return turnAway("velocity", converted.rejection);
+  if (converted.sample->covariance)
+    fillUnsaidAxes(*converted.sample->covariance, system_.config().invariant.motion.velocity_sigma);
   hand({std::move(*converted.sample), conversions::frameName(frame_id)});
 }
 
@@ -124,7 +133,7 @@ void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& messa
 }
 
 void Intake::add(const StereoFeatureArray& message) {
-  ++received_;
+  ++counts_.received;
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
   turnAway("features: repeated id", converted.repeated_ids);
@@ -133,9 +142,9 @@ void Intake::add(const StereoFeatureArray& message) {
   turnAway("features: pixel outside the image", screened.outside);
   turnAway("features: absurd pixel or disparity", screened.absurd);
   turnAway("features: more than max_features in a message", screened.surplus);
-  without_disparity_ += screened.no_disparity;
+  counts_.without_disparity += screened.no_disparity;
   if (feature_limit_ < max_features_) {
-    shed_features_ += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
+    counts_.shed_features += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
   }
   hand({std::move(*converted.sample), {}});
 }

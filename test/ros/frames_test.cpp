@@ -251,6 +251,15 @@ TEST_F(Velocities, do_not_say_what_the_frame_of_the_imu_is) {
   EXPECT_EQ(1U, processed(Stream::kVelocity));
 }
 
+TEST_F(Velocities, need_no_variance_of_each_axis) {
+  intake_.add(imu("imu_link", 1.0));
+  auto ahead_alone = velocity("imu_link", 1.0);
+  ahead_alone.twist.covariance[0] = 0.01;
+  intake_.add(ahead_alone);
+  EXPECT_EQ(1U, processed(Stream::kVelocity));
+  EXPECT_EQ(0U, system_.counts().bad_covariance[static_cast<std::size_t>(Stream::kVelocity)]);
+}
+
 TEST_F(Velocities, hold_up_nothing_once_one_was_used) {
   intake_.onProblem([this](const std::string& problem) { problems_.push_back(problem); });
   intake_.add(imu("imu_link", 1.0));

@@ -64,20 +64,25 @@ class Intake {
   /// Empty until the first IMU message said it, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
-  std::uint64_t received() const { return received_; }
+  std::uint64_t received() const { return counts_.received; }
   /// Messages (and repeated ids) turned away, by "input: reason".
-  const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }
+  const std::map<std::string, std::uint64_t>& turnedAway() const { return counts_.turned_away; }
   /// Features taken that have no depth.
-  std::uint64_t withoutDisparity() const { return without_disparity_; }
+  std::uint64_t withoutDisparity() const { return counts_.without_disparity; }
   /// Features that the next message may have beside `max_features` of the configuration; for a busy node.
   void limitFeatures(std::size_t limit) { feature_limit_ = limit; }
   /// Features left out because of limitFeatures.
-  std::uint64_t shedFeatures() const { return shed_features_; }
+  std::uint64_t shedFeatures() const { return counts_.shed_features; }
 
  private:
   struct Arrival {
     Measurement measurement;
     std::string frame; ///< of a velocity
+  };
+
+  struct Counts {
+    std::uint64_t received = 0, without_disparity = 0, shed_features = 0;
+    std::map<std::string, std::uint64_t> turned_away;
   };
 
   void hand(Arrival arrival);
@@ -99,12 +104,9 @@ class Intake {
   bool may_wait_ = true;        ///< only the first velocity does: later ones are not to hold up what runs
   std::set<std::string> reported_frames_;
   std::function<void(const std::string&)> problem_handler_;
-  std::uint64_t received_ = 0;
-  std::map<std::string, std::uint64_t> turned_away_;
-  std::uint64_t without_disparity_ = 0;
+  Counts counts_;
   std::size_t max_features_;
   std::size_t feature_limit_;
-  std::uint64_t shed_features_ = 0;
 };
 
 } // namespace vi_ekf_slam

@@ -33,11 +33,7 @@ std::optional<double> RateMeter::silence() const {
 }
 
 Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources)
-    : system_(sources.system),
-      intake_(sources.intake),
-      publishers_(sources.publishers),
-      queue_(sources.queue),
-      load_(sources.load),
+    : from_(sources),
       updater_(nh, private_nh,
                private_nh.getNamespace()) { // in a nodelet manager the process has another name
   updater_.setHardwareID("vi_ekf_slam");
@@ -77,23 +73,23 @@ void Diagnostics::inputs(Status& status) {
 }
 
 void Diagnostics::calibration(Status& status) {
-  status.add("known", system_.hasRig());
-  if (system_.hasRig()) {
+  status.add("known", from_.system.hasRig());
+  if (from_.system.hasRig()) {
     status.summary(DiagnosticStatus::OK, "known");
-  } else if (!system_.needsRig()) {
+  } else if (!from_.system.needsRig()) {
     status.summary(DiagnosticStatus::OK, "not needed: the configuration uses no features");
   } else {
-    status.summary(DiagnosticStatus::WARN, intake_.rigAssembler().problem());
+    status.summary(DiagnosticStatus::WARN, from_.intake.rigAssembler().problem());
   }
-  if (intake_.rigAssembler().changedLater()) {
+  if (from_.intake.rigAssembler().changedLater()) {
     status.summary(DiagnosticStatus::WARN, "camera_info has changed; the first calibration stays in use");
   }
 }
 
 void Diagnostics::frames(Status& status) {
-  status.add("IMU", intake_.imuFrame());
-  status.add("base", publishers_.base().name());
-  const std::string problem = publishers_.problem();
+  status.add("IMU", from_.intake.imuFrame());
+  status.add("base", from_.publishers.base().name());
+  const std::string problem = from_.publishers.problem();
   if (problem.empty()) {
     status.summary(DiagnosticStatus::OK, "all that is configured is published");
   } else {
@@ -110,7 +106,7 @@ void Diagnostics::estimator(Status& status) {
   status.summary(DiagnosticStatus::OK, "running");
   status.addf("lag behind newest input (s of sensor time)", "%.3f",
               secondsBetween(newest_output_, newest_input_));
-  for (const StreamNoise& noise : system_.noise().streams())
+  for (const StreamNoise& noise : from_.system.noise().streams())
     status.add("noise of " + noise.stream, toText(noise));
   if (!last_frame_) return;
   const FrameReport& r = last_frame_->report;
@@ -128,27 +124,27 @@ void Diagnostics::estimator(Status& status) {
 /// An estimate that has just begun anew is an error; one that does so at each report keeps being one.
 void Diagnostics::divergence(Status& status) {
   status.summary(DiagnosticStatus::OK, "consistent");
-  const Blindness& blindness = system_.blindness();
+  const Blindness& blindness = from_.system.blindness();
   status.addf("without a correction by features (s of sensor time)", "%.1f", blindness.current());
   if (blindness.isBlind()) {
     status.summary(DiagnosticStatus::WARN,
                    "loss of vision: no feature corrects the estimate, which is dead reckoning");
   }
-  const auto& counts = system_.counts().divergences;
+  const auto& counts = from_.system.counts().divergences;
   std::string reasons;
   for (std::size_t i = 1; i < kDivergenceCount; ++i) {
     status.add(std::string("diverged: ") + kDivergenceNames[i], counts[i]);
-    if (counts[i] > reported_divergences_[i])
+    if (counts[i] > reported_.divergences[i])
       reasons += std::string(reasons.empty() ? "" : ", ") + kDivergenceNames[i];
   }
-  reported_divergences_ = counts;
+  reported_.divergences = counts;
   if (!reasons.empty()) {
     status.summary(DiagnosticStatus::ERROR, "diverged and begun anew from where it was: " + reasons);
   }
 }
 
 void Diagnostics::map(Status& status) {
-  switch (system_.estimator().mapUse()) {
+  switch (from_.system.estimator().mapUse()) {
     case MapUse::kNone:
       return status.summary(DiagnosticStatus::OK, "begun anew, no map loaded");
     case MapUse::kWaiting:
@@ -162,13 +158,13 @@ void Diagnostics::map(Status& status) {
 }
 
 std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
-  auto all = intake_.turnedAway();
+  auto all = from_.intake.turnedAway();
   const auto note = [&all](const std::string& reason, std::uint64_t count) {
     if (count > 0) all[reason] += count;
   };
-  const WorkQueue::Counts queue = queue_.counts();
+  const WorkQueue::Counts queue = from_.queue.counts();
   note("features: message shed, too old for the load", queue.frames_shed);
-  note("features: shed, a busy node takes fewer of a message", intake_.shedFeatures());
+  note("features: shed, a busy node takes fewer of a message", from_.intake.shedFeatures());
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     note(std::string(kStreams[i]) + ": message dropped, the queue is full", queue.overflow[i]);
   }
@@ -176,28 +172,28 @@ std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
 }
 
 void Diagnostics::load(Status& status) {
-  const WorkQueue::Counts queue = queue_.counts();
+  const WorkQueue::Counts queue = from_.queue.counts();
   const LatencyMeter::Summary latency = latency_.take();
-  const std::uint64_t shed = queue.frames_shed + intake_.shedFeatures();
-  if (shed > reported_shed_) {
+  const std::uint64_t shed = queue.frames_shed + from_.intake.shedFeatures();
+  if (shed > reported_.shed) {
     status.summary(DiagnosticStatus::WARN, "the filter is slower than its input: features are shed");
   } else {
     status.summary(DiagnosticStatus::OK, "keeps up");
   }
-  reported_shed_ = shed;
+  reported_.shed = shed;
   status.add("results since last report", latency.results);
   status.addf("latency, median (ms of wall time)", "%.2f", 1e3 * latency.median_s);
   status.addf("latency, 95 % (ms of wall time)", "%.2f", 1e3 * latency.p95_s);
   status.addf("latency, longest (ms of wall time)", "%.2f", 1e3 * latency.max_s);
   status.add("messages waiting", queue.size);
   status.add("feature messages shed", queue.frames_shed);
-  status.add("features shed", intake_.shedFeatures());
-  status.add("features taken of a message at most", load_.limit());
+  status.add("features shed", from_.intake.shedFeatures());
+  status.add("features taken of a message at most", from_.load.limit());
 }
 
 void Diagnostics::drops(Status& status) {
   status.summary(DiagnosticStatus::OK, "counts since start");
-  const SystemCounts& c = system_.counts();
+  const SystemCounts& c = from_.system.counts();
   std::uint64_t drops = 0;
   const auto count = [&](const std::string& reason, std::uint64_t number) {
     status.add(reason, number);
@@ -214,7 +210,7 @@ void Diagnostics::drops(Status& status) {
     count(stream + ": covariance not positive definite", c.bad_covariance[i]);
   }
   for (const auto& [reason, number] : allTurnedAway()) count(reason, number);
-  status.add("features without disparity", intake_.withoutDisparity());
+  status.add("features without disparity", from_.intake.withoutDisparity());
   status.add("frames without calibration", c.frames_without_rig);
   status.add("frames rejected", c.frames_rejected);
   status.add("landmarks revisited", c.landmarks_revisited);
@@ -223,11 +219,11 @@ void Diagnostics::drops(Status& status) {
   status.add("relocalisations", c.relocalisations);
   status.add("gaps", c.gaps);
   status.add("resets", c.resets);
-  if (drops > reported_drops_) {
+  if (drops > reported_.drops) {
     status.summary(DiagnosticStatus::WARN,
-                   std::to_string(drops - reported_drops_) + " dropped since the last report");
+                   std::to_string(drops - reported_.drops) + " dropped since the last report");
   }
-  reported_drops_ = drops;
+  reported_.drops = drops;
 }
 
 } // namespace vi_ekf_slam

@@ -71,15 +71,15 @@ class Diagnostics {
   void load(Status& status);
   void drops(Status& status);
 
-  const SlamSystem& system_;
-  const Intake& intake_;
-  const Publishers& publishers_;
-  const WorkQueue& queue_;
-  const LoadControl& load_;
+  /// Counts that the last report had.
+  struct Reported {
+    std::uint64_t shed = 0, drops = 0;
+    std::array<std::uint64_t, kDivergenceCount> divergences{};
+  };
+
+  Sources from_;
   LatencyMeter latency_;
-  std::uint64_t reported_shed_ = 0;
-  std::uint64_t reported_drops_ = 0;
-  std::array<std::uint64_t, kDivergenceCount> reported_divergences_{};
+  Reported reported_;
   std::array<RateMeter, kStreamCount> rates_;
   Stamp newest_input_ = 0;
   Stamp newest_output_ = 0;
