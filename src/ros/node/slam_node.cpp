@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/ros/node/slam_node.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "vi_ekf_slam/ros/node/told_pose.hpp"
@@ -62,10 +63,9 @@ void SlamNode::connectSystem() {
 
 template <typename Message>
 void SlamNode::listen(const std::string& topic, std::function<void(const Message&)> process,
-                      std::optional<Stream> stream, const std::atomic<bool>* wanted) {
+                      std::optional<Stream> stream) {
   const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
-      [this, process, stream, wanted](const boost::shared_ptr<const Message>& message) {
-        if (wanted != nullptr && !*wanted) return;
+      [this, process, stream](const boost::shared_ptr<const Message>& message) {
         worker_.queue().push([process, message] { process(*message); }, stream);
       };
   subscribers_.push_back(nh_.subscribe<Message>(topic, kInputQueue, callback, ros::VoidConstPtr(),
@@ -83,15 +83,29 @@ void SlamNode::listenToMeasurements(const std::string& topic, Stream stream) {
       stream);
 }
 
+void SlamNode::listenToTransforms(const std::string& topic, bool is_static) {
+  using Event = ros::MessageEvent<const tf2_msgs::TFMessage>;
+  const boost::function<void(const Event&)> callback = [this, is_static](const Event& event) {
+    const bool of_this_process = event.getPublisherName() == ros::this_node::getName();
+    worker_.queue().push(
+        [this, is_static, of_this_process, message = event.getConstMessage()] {
+          handleTransforms(*message, is_static, of_this_process);
+        },
+        {});
+  };
+  ros::SubscribeOptions options;
+  options.initByFullCallbackType<const Event&>(topic, kInputQueue, callback);
+  options.transport_hints = ros::TransportHints().tcpNoDelay();
+  subscribers_.push_back(nh_.subscribe(options));
+}
+
 void SlamNode::subscribe() {
   using geometry_msgs::PoseWithCovarianceStamped;
   using geometry_msgs::TwistWithCovarianceStamped;
   using sensor_msgs::CameraInfo;
-  using tf2_msgs::TFMessage;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listen<TFMessage>("/tf_static", [this](const TFMessage& m) { handleTransforms(m, true); }, {});
-  listen<TFMessage>(
-      "/tf", [this](const TFMessage& m) { handleTransforms(m, false); }, {}, &transforms_wanted_);
+  listenToTransforms("/tf_static", true);
+  listenToTransforms("/tf", false);
   listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
   listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
   listen<TwistWithCovarianceStamped>(names.twist_bias, [this](const auto& m) { intake_.addTwistBias(m); },
@@ -132,8 +146,6 @@ void SlamNode::process(WorkQueue::Item& item) {
   item.work();
   // Calibration lets go of the measurements that waited for it, so this is due after every kind of item.
   sequencer_.endOfDrain();
-  transforms_wanted_ =
-      (system_.needsRig() && !system_.hasRig()) || intake_.isWaiting() || publishers_.needTransforms();
 }
 
 void SlamNode::tend(bool is_pause) {
@@ -146,7 +158,15 @@ void SlamNode::tend(bool is_pause) {
   results_.autosaveIfDue();
 }
 
-void SlamNode::handleTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+/// What this node sends comes back to it, and is not to be taken for somebody else's.
+void SlamNode::handleTransforms(tf2_msgs::TFMessage message, bool is_static, bool of_this_process) {
+  auto& transforms = message.transforms;
+  if (of_this_process) {
+    const auto is_ours = [this](const auto& t) {
+      return publishers_.sends(t.header.frame_id, t.child_frame_id);
+    };
+    transforms.erase(std::remove_if(transforms.begin(), transforms.end(), is_ours), transforms.end());
+  }
   intake_.addTransforms(message, is_static);
   publishers_.noteTransforms();
 }

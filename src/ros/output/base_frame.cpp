@@ -37,10 +37,7 @@ bool BaseFrame::update(const std::string& imu_frame) {
   return true;
 }
 
-bool BaseFrame::hasForeignParent() const {
-  const std::string parent = frames_.parentOf(name_);
-  return !parent.empty() && parent != config_.odom_frame && parent != config_.map_frame;
-}
+bool BaseFrame::hasForeignParent() const { return !frames_.parentOf(name_).empty(); }
 
 std::string BaseFrame::problem() const {
   if (imu_frame_.empty()) return {}; // no IMU message yet, which is said elsewhere
@@ -48,9 +45,13 @@ std::string BaseFrame::problem() const {
     return "no pose is published: no transform of at most 100 m connects base_frame '" + config_.base_frame +
            "' to the IMU's frame '" + imu_frame_ + "'; publish it on /tf_static, as a robot description does";
   const bool sends_base = config_.publish_tf && (config_.publish_odom_tf || config_.single_tf);
-  if (sends_base && hasForeignParent())
-    return "the transform to '" + name_ + "' is not published: its parent is '" + frames_.parentOf(name_) +
-           "', and a frame has one parent; set ros/base_frame to the root of the robot's frames";
+  if (!sends_base || !hasForeignParent()) return {};
+  const std::string parent = frames_.parentOf(name_);
+  const std::string what =
+      "no transform is published, since somebody else publishes '" + parent + "' -> '" + name_ + "': ";
+  return what + (parent == config_.odom_frame
+                     ? "set ros/publish_odom_tf to false, if that is another odometry"
+                     : "set ros/base_frame to the root of the robot's frames, since a frame has one parent");
   return {};
 }
 

@@ -16,6 +16,14 @@ bool TransformPublisher::followsForeignOdometry() const {
   return config_.publish_tf && config_.publish_map_tf && !config_.publish_odom_tf && !config_.single_tf;
 }
 
+bool TransformPublisher::sends(const std::string& parent, const std::string& child,
+                               const BaseFrame& base) const {
+  if (!config_.publish_tf) return false;
+  if (config_.single_tf) return parent == config_.map_frame && child == base.name();
+  return (config_.publish_map_tf && parent == config_.map_frame && child == config_.odom_frame) ||
+         (config_.publish_odom_tf && parent == config_.odom_frame && child == base.name());
+}
+
 bool TransformPublisher::isNews(Stamp stamp) {
   if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_back_s_) return false;
   last_ = stamp;

@@ -201,6 +201,19 @@ class Frames(NodeRunner):
         self.check_base()
         self.assertFalse(self.reckoned)  # its odom is not the other's
 
+    def test_foreign_odometry_that_it_was_not_told_of(self):
+        """No second publisher of odom -> base_link; what to do is said."""
+        self.describe_robot()
+        self.start_node(ros={"base_frame": drive_data.BASE})
+        self.tf.publish(foreign_transform(rospy.Time.from_sec(START)))
+        time.sleep(0.5)
+        self.drive(0.0, 4.0, each=lambda stamp: self.tf.publish(foreign_transform(stamp)))
+        self.answered(START + 3.7)
+        self.wait_for(lambda: any("publish_odom_tf" in w and "'odom' -> 'base_link'" in w for w in self.warnings))
+        sent = [t.transform for m in self.dynamic for t in m.transforms if t.child_frame_id == drive_data.BASE]
+        self.assertEqual(42, len(sent))  # the other's
+        self.assertEqual({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"}, self.tree())
+
     def test_foreign_odometry_that_does_not_come_is_missed(self):
         """Loudly; nothing is made up in its place."""
         self.describe_robot()

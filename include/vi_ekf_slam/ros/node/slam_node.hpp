@@ -3,7 +3,6 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <ros/ros.h>
 
-#include <atomic>
 #include <functional>
 #include <map>
 #include <memory>
@@ -63,11 +62,12 @@ class SlamNode {
   void subscribe();
   template <typename Message>
   void listen(const std::string& topic, std::function<void(const Message&)> process,
-              std::optional<Stream> stream, const std::atomic<bool>* wanted = nullptr);
+              std::optional<Stream> stream);
   template <typename Message>
   void listenToMeasurements(const std::string& topic, Stream stream);
   Services::Actions actions();
-  void handleTransforms(const tf2_msgs::TFMessage& message, bool is_static);
+  void listenToTransforms(const std::string& topic, bool is_static);
+  void handleTransforms(tf2_msgs::TFMessage message, bool is_static, bool of_this_process);
   void process(WorkQueue::Item& item);
   void tend(bool is_pause);
   void handleOutput(const Output& output, bool is_frame);
@@ -88,7 +88,6 @@ class SlamNode {
   Diagnostics diagnostics_;
   Results results_;
   Watch watch_;
-  std::atomic<bool> transforms_wanted_{true}; ///< /tf is busy, with our own transforms too
   std::vector<ros::Subscriber> subscribers_;
   std::unique_ptr<Services> services_; ///< none after finish()
 };

@@ -24,7 +24,7 @@ class BaseFrame {
   std::string problem() const;
   /// Of the frame; empty as long as nothing is known.
   const std::string& name() const { return name_; }
-  /// Whether somebody else publishes a parent of the frame, beside which there must be no second one.
+  /// Whether somebody else publishes a parent of the frame, beside which there must be no second publisher.
   bool hasForeignParent() const;
 
   SE3 pose(const SE3& world_T_imu) const;

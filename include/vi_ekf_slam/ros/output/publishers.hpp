@@ -30,8 +30,10 @@ class Publishers {
   void publish(const Output& output, bool is_frame, const std::string& imu_frame);
   /// /tf or /tf_static have said more.
   void noteTransforms() { transforms_.noteTransforms(base_); }
-  /// Whether /tf is to be listened to.
-  bool needTransforms() const { return base_.name().empty() || transforms_.followsForeignOdometry(); }
+  /// Whether this is a transform that is sent here.
+  bool sends(const std::string& parent, const std::string& child) const {
+    return transforms_.sends(parent, child, base_);
+  }
   /// Why something is not published, and what to do; empty: all is.
   std::string problem() const;
   const BaseFrame& base() const { return base_; }

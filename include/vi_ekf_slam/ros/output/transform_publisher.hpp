@@ -3,6 +3,7 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include <optional>
+#include <string>
 
 #include "vi_ekf_slam/ros/output/base_frame.hpp"
 #include "vi_ekf_slam/ros/output/foreign_odometry.hpp"
@@ -18,7 +19,9 @@ class TransformPublisher {
   TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_back_s);
 
   void publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base, const BaseFrame& base);
-  /// Whether the odometry is somebody else's, so that /tf is to be listened to.
+  /// Whether the configuration has this transform sent.
+  bool sends(const std::string& parent, const std::string& child, const BaseFrame& base) const;
+  /// Whether the odometry is somebody else's.
   bool followsForeignOdometry() const;
   /// /tf has gone on.
   void noteTransforms(const BaseFrame& base);
