@@ -147,20 +147,20 @@ TEST_F(Base, is_told_where_it_is) {
   message.header.frame_id = "/map";
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
   ToldPose told;
-  EXPECT_NE("", readToldPose(message, "map", base, told)) << "the base is not known";
+  EXPECT_NE("", readToldPose(message, "map", base, SE3(), told)) << "the base is not known";
   ASSERT_TRUE(base.update("imu_link"));
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
-  ASSERT_EQ("", readToldPose(message, "map", base, told));
+  ASSERT_EQ("", readToldPose(message, "map", base, SE3(), told));
   expectNear(kWorldTImu, told.world_T_imu, 1e-9);
   const Matrix6d covariance = anyCovariance();
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message.pose.covariance.data()) = covariance;
-  ASSERT_EQ("", readToldPose(message, "map", base, told));
+  ASSERT_EQ("", readToldPose(message, "map", base, SE3(), told));
   StateEstimate state;
   state.world_T_imu = told.world_T_imu;
   state.pose_covariance = told.covariance;
   EXPECT_LT((base.state(state).pose_covariance - covariance).cwiseAbs().maxCoeff(), 1e-9);
   message.pose.covariance[1] += 1.0; // no longer symmetric
-  EXPECT_NE("", readToldPose(message, "map", base, told));
+  EXPECT_NE("", readToldPose(message, "map", base, SE3(), told));
 }
 
 TEST(SmoothOdometryTest, goes_on_over_a_new_start) {
@@ -176,7 +176,11 @@ TEST(SmoothOdometryTest, goes_on_over_a_new_start) {
   // 0.1 m/s that is another one after each second, for 10 s; the heading's error aside from what it does.
   EXPECT_NEAR(0.1, before.pose_covariance(0, 0), 1e-6);
   EXPECT_GT(before.pose_covariance(1, 1), 0.1 + 0.01);
+  EXPECT_NEAR(3.0, odometry.motionSince(fromSeconds(7.0)).translation().x(), 1e-9);
+  EXPECT_NEAR(0.0, odometry.motionSince(fromSeconds(70.0)).translation().x(), 1e-9);
+  EXPECT_NEAR(0.0, odometry.motionSince(0 - 1).translation().x(), 1e-9);
   odometry.restart();
+  EXPECT_EQ(SE3().matrix(), odometry.motionSince(fromSeconds(7.0)).matrix());
   state.stamp = fromSeconds(3.0); // time may go back
   const StateEstimate after = odometry.update(SE3(), state);
   expectNear(before.world_T_imu, after.world_T_imu, 1e-12);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/node/told_pose.hpp"
 
 namespace vi_ekf_slam {
@@ -203,10 +204,12 @@ void SlamNode::handleReset(const std::string& reason) {
 
 /// Why nothing was done; empty: it was.
 std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& message) {
-  ToldPose told;
-  const std::string problem = readToldPose(message, settings_.config.ros.map_frame, publishers_.base(), told);
-  if (!problem.empty()) return problem;
   sequencer_.endOfDrain();
+  const SE3 motion = publishers_.motionSince(conversions::toStamp(message.header.stamp));
+  ToldPose told;
+  const std::string problem =
+      readToldPose(message, settings_.config.ros.map_frame, publishers_.base(), motion, told);
+  if (!problem.empty()) return problem;
   const bool was_elsewhere = system_.estimator().mapUse() == MapUse::kWaiting;
   if (!system_.setPose(told.world_T_imu, told.covariance))
     return "the pose is not set: the configured estimator cannot, or its covariance would not be valid";

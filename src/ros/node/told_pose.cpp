@@ -24,7 +24,8 @@ void fillIn(Matrix6d& covariance, double position_sigma, double rotation_sigma) 
 } // namespace
 
 std::string readToldPose(const geometry_msgs::PoseWithCovarianceStamped& message,
-                         const std::string& map_frame, const BaseFrame& base, ToldPose& told) {
+                         const std::string& map_frame, const BaseFrame& base, const SE3& motion,
+                         ToldPose& told) {
   const std::string frame = conversions::frameName(message.header.frame_id);
   if (frame != map_frame)
     return "header.frame_id is '" + frame + "', allowed: the map's frame '" + map_frame + "'";
@@ -46,7 +47,7 @@ std::string readToldPose(const geometry_msgs::PoseWithCovarianceStamped& message
   const bool symmetric = covariance.allFinite() && covariance.isApprox(covariance.transpose(), 1e-6);
   if (!symmetric || covariance.llt().info() != Eigen::Success)
     return "pose.covariance is not symmetric and positive definite";
-  const SE3 map_T_base(rotation.normalized().toRotationMatrix(), position);
+  const SE3 map_T_base = SE3(rotation.normalized().toRotationMatrix(), position) * motion;
   told.world_T_imu = base.imuPose(map_T_base);
   told.covariance = base.imuCovariance(map_T_base, 0.5 * (covariance + covariance.transpose()));
   return {};

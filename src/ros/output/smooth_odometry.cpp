@@ -25,13 +25,23 @@ StateEstimate SmoothOdometry::update(const SE3& start_T_base, const StateEstimat
     covariance_ = 0.5 * (next + next.transpose());
   }
   stamp_ = state.stamp;
+  poses_[state.stamp] = pose_;
+  while (secondsBetween(poses_.begin()->first, state.stamp) > kMemory || poses_.size() > kMostRemembered)
+    poses_.erase(poses_.begin());
   StateEstimate odometry = state;
   odometry.world_T_imu = pose_;
   odometry.pose_covariance = covariance_;
   return odometry;
 }
 
+SE3 SmoothOdometry::motionSince(Stamp then) const {
+  const auto after = poses_.lower_bound(then);
+  if (after == poses_.end() || (after == poses_.begin() && after->first != then)) return SE3();
+  return after->second.inverse() * pose_;
+}
+
 void SmoothOdometry::restart() {
+  poses_.clear();
   odom_T_start_ = pose_;
   stamp_.reset();
 }

@@ -37,6 +37,8 @@ class Publishers {
   /// Why something is not published, and what to do; empty: all is.
   std::string problem() const;
   const BaseFrame& base() const { return base_; }
+  /// See SmoothOdometry::motionSince.
+  SE3 motionSince(Stamp then) const { return smooth_.motionSince(then); }
 
   /// Paths and map as they are now, whatever was sent before.
   void publishAll();
