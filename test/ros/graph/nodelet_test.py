@@ -2,7 +2,6 @@
 """The nodelet in a manager: it ends as the node does, and its faults are its own."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -15,19 +14,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 from roslib.packages import find_node
 
-import drive_data
-from node_runner import START, NodeRunner
+from node_runner import START, NodeRunner, bound_files
 
 MANAGER = "slam_manager"
-# Bytes of a file: less than the records of 800 poses, more than the log and what is saved of those before.
-LITTLE_ROOM = 400000
-
-
-def bound_files():
-    """Writing more than that fails, as on a disk that is full."""
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LITTLE_ROOM, LITTLE_ROOM))
-
 
 class NodeletTest(NodeRunner):
     """A manager of its own for each test."""
@@ -118,13 +107,7 @@ class NodeletTest(NodeRunner):
     def test_a_fault_ends_the_nodelet_and_nothing_else(self):
         """Said in log and diagnostics; what loaded it ends too, so that roslaunch can start it again."""
         manager, loader = self.start_nodelet(bound_files, output_dir=self.results(), autosave_period=0)
-        for topic, message in drive_data.drive(90.0, calibrated=False):
-            if loader.poll() is not None:
-                break
-            if topic in ("imu", "velocity"):
-                self.publishers[topic].publish(message)
-                time.sleep(0.001)
-        self.wait_for(lambda: loader.poll() is not None)
+        self.reckon_until(lambda: loader.poll() is not None)
         self.assertIn("the computing has ended", self.log(manager))
         self.assertIn("the nodelet ends", self.log(manager))
         failed = [s for s in self.statuses() if s.level == DiagnosticStatus.ERROR and "the computing has ended" in s.message]
