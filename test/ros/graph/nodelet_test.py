@@ -18,6 +18,7 @@ from node_runner import START, NodeRunner, bound_files
 
 MANAGER = "slam_manager"
 
+
 class NodeletTest(NodeRunner):
     """A manager of its own for each test."""
 
