@@ -19,7 +19,7 @@ packages=(
   python3-rospy python3-rosservice python3-rostest python3-rostopic python3-rviz python3-scipy
   python3-sensor-msgs python3-setuptools python3-std-srvs python3-tf2-ros python3-tqdm
   python3-visualization-msgs python3-yaml
-  ros-base-dev rosbash rviz xvfb
+  ros-base-dev ros-robot-state-publisher rosbash rviz xvfb
 )
 
 as_root() {

@@ -79,14 +79,21 @@ Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string&
   return {sample, Rejection::kNone};
 }
 
-Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message,
-                                     const std::string& imu_frame) {
-  if (const auto bad = checkHeader(message.header, imu_frame); bad != Rejection::kNone) return {{}, bad};
+Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message) {
+  if (const auto bad = checkHeader(message.header, {}); bad != Rejection::kNone) return {{}, bad};
   if (message.twist.covariance[0] == -1.0) return {{}, Rejection::kNoData};
   const VelocitySample sample{toStamp(message.header.stamp), toEigen(message.twist.twist.linear),
                               covarianceBlock(message.twist.covariance, 6)};
   if (!isFinite(sample.linear_velocity, sample.covariance)) return {{}, Rejection::kNotFinite};
   return {sample, Rejection::kNone};
+}
+
+Converted<VelocitySample> toVelocity(const nav_msgs::Odometry& message) {
+  geometry_msgs::TwistWithCovarianceStamped twist;
+  twist.header = message.header;
+  twist.header.frame_id = message.child_frame_id;
+  twist.twist = message.twist;
+  return toVelocity(twist);
 }
 
 Converted<TwistBias> toTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message,

@@ -1,56 +1,129 @@
 #include "vi_ekf_slam/ros/intake.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
-#include "vi_ekf_slam/ros/feature_screen.hpp"
+#include "vi_ekf_slam/ros/input/feature_screen.hpp"
 
 namespace vi_ekf_slam {
 
 using conversions::Rejection;
 
+namespace {
+
+constexpr std::size_t kMostReports =
+    20; // frames; what writes another name each time is not to fill the memory
+
+/// Wheel odometry often gives a variance for the way ahead alone, and zeros for the other axes.
+void fillUnsaidAxes(Eigen::Matrix3d& covariance, double sigma) {
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    if (covariance.row(i).isZero(0.0) && covariance.col(i).isZero(0.0)) covariance(i, i) = sigma * sigma;
+  }
+}
+
+} // namespace
+
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
     : system_(system),
       imu_frame_(config.imu_frame),
-      rig_(topics.left_info, topics.right_info),
+      rig_(frames_, topics.left_info, topics.right_info),
+      velocities_(frames_, config),
       max_features_(config.max_features),
       feature_limit_(config.max_features) {
   rig_.setImuFrame(imu_frame_);
+  velocities_.setImuFrame(imu_frame_);
 }
 
 void Intake::learnImuFrame(const std::string& frame_id) {
   if (!imu_frame_.empty()) return;
   imu_frame_ = conversions::frameName(frame_id);
   rig_.setImuFrame(imu_frame_);
+  velocities_.setImuFrame(imu_frame_);
+  release(false); // what came before this message
   offerRig();
 }
 
 void Intake::turnAway(const char* input, Rejection rejection) {
-  ++turned_away_[std::string(input) + ": " + conversions::describe(rejection)];
+  ++counts_.turned_away[std::string(input) + ": " + conversions::describe(rejection)];
 }
 
 void Intake::turnAway(const char* reason, std::size_t count) {
-  if (count > 0) turned_away_[reason] += count;
+  if (count > 0) counts_.turned_away[reason] += count;
 }
 
 void Intake::offerRig() {
   if (!system_.hasRig() && rig_.rig()) system_.setRig(*rig_.rig());
 }
 
+void Intake::report(const std::string& frame, const std::string& problem) {
+  if (reported_frames_.size() >= kMostReports || !reported_frames_.insert(frame).second) return;
+  if (problem_handler_) problem_handler_(problem);
+}
+
+void Intake::hand(Arrival arrival) {
+  waiting_.push_back(std::move(arrival));
+  release(false);
+}
+
+/// Sensor time has passed; a stamp that is far off ends the waiting too, which must not last for ever.
+bool Intake::hasWaited(const Arrival& arrival) const {
+  const double waited = secondsBetween(stampOf(arrival.measurement), stampOf(waiting_.back().measurement));
+  return std::abs(waited) >= system_.config().rig_wait_s ||
+         waiting_.size() > system_.config().buffer.max_size;
+}
+
+void Intake::release(bool at_once) {
+  while (!waiting_.empty()) {
+    Arrival& first = waiting_.front();
+    auto* velocity = std::get_if<VelocitySample>(&first.measurement);
+    const bool usable = velocity == nullptr || velocities_.carry(*velocity, first.frame);
+    if (velocity != nullptr && usable) may_wait_ = false;
+    if (!usable) {
+      const bool is_hopeless = velocities_.isImpossible(first.frame);
+      if (may_wait_ && !at_once && !is_hopeless && !hasWaited(first)) return;
+      may_wait_ = may_wait_ && is_hopeless;
+      report("velocity: " + first.frame, velocities_.problem(first.frame));
+      turnAway("velocity: no transform from its frame to the IMU's", 1);
+    }
+    Arrival arrival = std::move(waiting_.front());
+    waiting_.pop_front();
+    if (usable) system_.add(std::move(arrival.measurement));
+  }
+}
+
+void Intake::flush() { release(true); }
+
 void Intake::add(const sensor_msgs::Imu& message) {
-  ++received_;
+  ++counts_.received;
   auto converted = conversions::toGyro(message, imu_frame_);
-  if (!converted.sample) return turnAway("imu", converted.rejection);
+  if (!converted.sample) {
+    if (converted.rejection == Rejection::kWrongFrame)
+      report("imu: " + message.header.frame_id,
+             "imu messages in '" + message.header.frame_id + "' are not used: " +
+                 (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
+                                     : "the IMU's frame is '" + imu_frame_ +
+                                           "', which ros/imu_frame or the first imu message said"));
+    return turnAway("imu", converted.rejection);
+  }
   learnImuFrame(message.header.frame_id); // of the first one that can be used
-  system_.add(std::move(*converted.sample));
+  hand({std::move(*converted.sample), {}});
 }
 
 void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
-  ++received_;
-  auto converted = conversions::toVelocity(message, imu_frame_);
+  addVelocity(conversions::toVelocity(message), message.header.frame_id);
+}
+
+void Intake::add(const nav_msgs::Odometry& message) {
+  addVelocity(conversions::toVelocity(message), message.child_frame_id);
+}
+
+void Intake::addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id) {
+  ++counts_.received;
   if (!converted.sample) return turnAway("velocity", converted.rejection);
-  learnImuFrame(message.header.frame_id);
-  system_.add(std::move(*converted.sample));
+  if (converted.sample->covariance)
+    fillUnsaidAxes(*converted.sample->covariance, system_.config().invariant.motion.velocity_sigma);
+  hand({std::move(*converted.sample), conversions::frameName(frame_id)});
 }
 
 void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message) {
@@ -60,7 +133,7 @@ void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& messa
 }
 
 void Intake::add(const StereoFeatureArray& message) {
-  ++received_;
+  ++counts_.received;
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
   turnAway("features: repeated id", converted.repeated_ids);
@@ -69,11 +142,11 @@ void Intake::add(const StereoFeatureArray& message) {
   turnAway("features: pixel outside the image", screened.outside);
   turnAway("features: absurd pixel or disparity", screened.absurd);
   turnAway("features: more than max_features in a message", screened.surplus);
-  without_disparity_ += screened.no_disparity;
+  counts_.without_disparity += screened.no_disparity;
   if (feature_limit_ < max_features_) {
-    shed_features_ += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
+    counts_.shed_features += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
   }
-  system_.add(std::move(*converted.sample));
+  hand({std::move(*converted.sample), {}});
 }
 
 void Intake::addLeftInfo(const sensor_msgs::CameraInfo& message) {
@@ -87,8 +160,10 @@ void Intake::addRightInfo(const sensor_msgs::CameraInfo& message) {
 }
 
 void Intake::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
-  rig_.addTransforms(message, is_static);
+  frames_.add(message, is_static);
+  rig_.noteTransforms();
   offerRig();
+  release(false);
 }
 
 } // namespace vi_ekf_slam

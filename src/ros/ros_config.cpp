@@ -17,9 +17,12 @@ RosConfig readRos(YamlSection section) {
   readFrame(section, "map_frame", false, c.map_frame);
   readFrame(section, "odom_frame", false, c.odom_frame);
   readFrame(section, "imu_frame", true, c.imu_frame);
+  readFrame(section, "base_frame", true, c.base_frame);
   section.read("publish_tf", c.publish_tf);
+  section.read("publish_map_tf", c.publish_map_tf);
   section.read("publish_odom_tf", c.publish_odom_tf);
   section.read("single_tf", c.single_tf);
+  section.read("transform_tolerance", Range::closed(0.0, 10.0), c.transform_tolerance);
   section.read("path_max_points", Range::closed(2.0, 1e6), c.path_max_points);
   section.read("path_period_s", Range::closed(0.0, 3600.0), c.path_period_s);
   section.read("max_bandwidth_bytes_s", Range::closed(1e3, 1e12), c.max_bandwidth_bytes_s);
@@ -29,6 +32,9 @@ RosConfig readRos(YamlSection section) {
   if (c.map_frame == c.odom_frame) section.fail("odom_frame", c.odom_frame, "different from map_frame");
   if (c.imu_frame == c.map_frame || c.imu_frame == c.odom_frame) {
     section.fail("imu_frame", c.imu_frame, "different from map_frame and odom_frame");
+  }
+  if (c.base_frame == c.map_frame || c.base_frame == c.odom_frame) {
+    section.fail("base_frame", c.base_frame, "different from map_frame and odom_frame");
   }
   section.finish();
   return c;

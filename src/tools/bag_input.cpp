@@ -18,6 +18,7 @@ const char* typeOf() {
 std::map<std::string, std::string> expectedTypes(const InputTopics& t) {
   return {{t.imu, typeOf<sensor_msgs::Imu>()},
           {t.velocity, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
+          {t.wheel_odometry, typeOf<nav_msgs::Odometry>()},
           {t.twist_bias, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
           {t.features, typeOf<StereoFeatureArray>()},
           {t.left_info, typeOf<sensor_msgs::CameraInfo>()},
@@ -72,7 +73,7 @@ void BagInput::checkTopics() {
                      found->second);
     }
     usable = usable || connection->topic == topics_.imu || connection->topic == topics_.velocity ||
-             connection->topic == topics_.features;
+             connection->topic == topics_.wheel_odometry || connection->topic == topics_.features;
   }
   if (usable) return;
   throw BagError(path_ + ": none of " + topics_.imu + ", " + topics_.velocity + ", " + topics_.features +
@@ -89,6 +90,11 @@ BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
   if (topic == topics_.velocity) {
     return [=](const auto& m, Intake& in) {
       instantiate<geometry_msgs::TwistWithCovarianceStamped>(m, [&](const auto& x) { measurement(x, in); });
+    };
+  }
+  if (topic == topics_.wheel_odometry) {
+    return [=](const auto& m, Intake& in) {
+      instantiate<nav_msgs::Odometry>(m, [&](const auto& x) { measurement(x, in); });
     };
   }
   if (topic == topics_.twist_bias) {

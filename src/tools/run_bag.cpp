@@ -76,6 +76,7 @@ int run(const RunBagOptions& options) {
     writer.restart();
   });
   Intake intake(system, config.ros, options.topics);
+  intake.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
 
   const auto start = std::chrono::steady_clock::now();
   std::string problem;
@@ -89,6 +90,7 @@ int run(const RunBagOptions& options) {
   } catch (const BagError& e) {
     problem = e.what();
   }
+  intake.flush();
   system.flush();
   progress.finish();
   if (problem.empty()) problem = inputProblem(system, intake, writer);

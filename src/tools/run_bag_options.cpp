@@ -15,12 +15,13 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
                        which is built in
   --imu TOPIC          sensor_msgs/Imu                                [/imu]
   --velocity TOPIC     geometry_msgs/TwistWithCovarianceStamped       [/velocity]
-  --twist-bias TOPIC   the same: what is known of the sensors' biases [/twist_bias]
+  --wheel-odometry TOPIC   nav_msgs/Odometry, its twist               [/wheel_odometry]
+  --twist-bias TOPIC   geometry_msgs/TwistWithCovarianceStamped: what is known of the sensors' biases [/twist_bias]
   --features TOPIC     vi_ekf_slam/StereoFeatureArray                 [/features]
   --left-info TOPIC    sensor_msgs/CameraInfo                         [/left/camera_info]
   --right-info TOPIC   sensor_msgs/CameraInfo                         [/right/camera_info]
-  --topic-prefix NAME  put before each of the six names above; the transform from the IMU to the left camera
-                       always comes from /tf_static (or /tf)
+  --topic-prefix NAME  put before each of the seven names above; the transforms from the IMU to the left camera and
+                       to where velocities are of always come from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
   --load-map FILE      a map.bag to relocalise in, by ids that return
   --quiet              errors only
@@ -39,8 +40,8 @@ std::string absolute(const std::string& topic) {
 void makeAbsolute(InputTopics& topics, const std::string& prefix) {
   std::string stem = absolute(prefix);
   while (!stem.empty() && stem.back() == '/') stem.pop_back();
-  for (std::string* topic : {&topics.imu, &topics.velocity, &topics.twist_bias, &topics.features,
-                             &topics.left_info, &topics.right_info}) {
+  for (std::string* topic : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
+                             &topics.features, &topics.left_info, &topics.right_info}) {
     *topic = stem + absolute(*topic);
   }
 }
@@ -61,6 +62,7 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
                                                       {"--topic-prefix", &prefix},
                                                       {"--imu", &options.topics.imu},
                                                       {"--velocity", &options.topics.velocity},
+                                                      {"--wheel-odometry", &options.topics.wheel_odometry},
                                                       {"--twist-bias", &options.topics.twist_bias},
                                                       {"--features", &options.topics.features},
                                                       {"--left-info", &options.topics.left_info},

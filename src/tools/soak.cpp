@@ -16,9 +16,9 @@
 
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
-#include "vi_ekf_slam/ros/map_messages.hpp"
-#include "vi_ekf_slam/ros/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/map_messages.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/path_recorder.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 
 namespace vi_ekf_slam {

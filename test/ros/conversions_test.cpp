@@ -86,10 +86,10 @@ TEST(ToGyro, a_leading_slash_of_tf1_is_the_same_frame) {
 TEST(ToVelocity, takes_the_linear_block_only) {
   auto m = velocity();
   m.twist.covariance[35] = 4.0; // angular: does not count
-  EXPECT_FALSE(toVelocity(m, "imu_link").sample->covariance);
+  EXPECT_FALSE(toVelocity(m).sample->covariance);
   m.twist.covariance[0] = m.twist.covariance[7] = m.twist.covariance[14] = 0.5;
   m.twist.covariance[6] = m.twist.covariance[1] = 0.1;
-  const auto c = toVelocity(m, "imu_link");
+  const auto c = toVelocity(m);
   ASSERT_TRUE(c.sample && c.sample->covariance);
   EXPECT_EQ(Eigen::Vector3d(1.0, 0.0, -2.0), c.sample->linear_velocity);
   EXPECT_EQ(Eigen::Vector3d::Constant(0.5), c.sample->covariance->diagonal());
@@ -97,10 +97,12 @@ TEST(ToVelocity, takes_the_linear_block_only) {
 }
 
 TEST(ToVelocity, says_why_it_turns_a_message_away) {
-  EXPECT_EQ(Rejection::kWrongFrame, toVelocity(velocity(), "base_link").rejection);
   auto m = velocity();
+  m.header.frame_id = "";
+  EXPECT_EQ(Rejection::kWrongFrame, toVelocity(m).rejection);
+  m = velocity();
   m.twist.twist.linear.x = -std::numeric_limits<double>::infinity();
-  EXPECT_EQ(Rejection::kNotFinite, toVelocity(m, "imu_link").rejection);
+  EXPECT_EQ(Rejection::kNotFinite, toVelocity(m).rejection);
 }
 
 TEST(ToTwistBias, takes_mean_and_diagonal) {

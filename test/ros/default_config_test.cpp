@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 namespace {
 
 const std::string kDefault = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/default.yaml";
-constexpr std::size_t kMostKeys = 40; // one page; a switch for studies alone belongs to the section `studies`
+constexpr std::size_t kMostKeys = 43; // one page; a switch for studies alone belongs to the section `studies`
 
 using Fields = std::map<std::string, std::string>;
 
@@ -61,9 +61,12 @@ Fields fieldsOf(const FullConfig& config) {
   add("ros.map_frame", config.ros.map_frame);
   add("ros.odom_frame", config.ros.odom_frame);
   add("ros.imu_frame", config.ros.imu_frame);
+  add("ros.base_frame", config.ros.base_frame);
   add("ros.publish_tf", config.ros.publish_tf);
+  add("ros.publish_map_tf", config.ros.publish_map_tf);
   add("ros.publish_odom_tf", config.ros.publish_odom_tf);
   add("ros.single_tf", config.ros.single_tf);
+  add("ros.transform_tolerance", config.ros.transform_tolerance);
   add("ros.path_max_points", config.ros.path_max_points);
   add("ros.path_period_s", config.ros.path_period_s);
   add("ros.max_bandwidth_bytes_s", config.ros.max_bandwidth_bytes_s);

@@ -5,11 +5,11 @@
 #include <set>
 #include <thread>
 
-#include "vi_ekf_slam/ros/feature_screen.hpp"
-#include "vi_ekf_slam/ros/latency_meter.hpp"
-#include "vi_ekf_slam/ros/load_control.hpp"
-#include "vi_ekf_slam/ros/pacer.hpp"
-#include "vi_ekf_slam/ros/work_queue.hpp"
+#include "vi_ekf_slam/ros/input/feature_screen.hpp"
+#include "vi_ekf_slam/ros/node/latency_meter.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
+#include "vi_ekf_slam/ros/output/pacer.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -1,5 +1,5 @@
 // What a node starts with, and what becomes of what an earlier one left.
-#include "vi_ekf_slam/ros/map_store.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -65,7 +65,7 @@ TEST_F(MapStoreFolder, ResumesAndKeepsWhatWasThere) {
   const std::string old = get("map.bag");
   map_.variables[0].mean[0] = 1.0;
   MapStore store(resuming());
-  store.write([this] { return map_; });
+  store.write([this] { return map_; }, store.savedPath());
   EXPECT_EQ(get("before_resume_1/map.bag"), old) << "it is not written over";
   begin(resuming());
   EXPECT_EQ(get("before_resume_2/trajectory.tum"), "second");
@@ -117,14 +117,15 @@ TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
   for (const bool resume : {false, true}) {
     SlamSystem system({});
     MapStore store({directory_, "", resume, "map"});
-    system.loadMap(store.load(), store.source());
+    system.loadMap(store.load({}), store.source());
+    store.noteLoaded(store.source());
     system.add(GyroSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
     system.flush();
-    EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator())), resume)
+    EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator(), store.savedPath())), resume)
         << "a copy is in before_resume_N";
     EXPECT_EQ(store.keepsSaved(), resume);
   }
-  EXPECT_THROW(MapStore({"", "", false, "map"}).load(), MapError);
+  EXPECT_THROW(MapStore({"", "", false, "map"}).load({}), MapError);
 }
 
 } // namespace

@@ -2,9 +2,9 @@
 
 #include <cstring>
 
-#include "vi_ekf_slam/ros/map_messages.hpp"
-#include "vi_ekf_slam/ros/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/map_messages.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/path_recorder.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/ros/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 
 #include <gtest/gtest.h>
 
@@ -32,14 +32,19 @@ class Rig : public testing::Test {
  protected:
   void addAll(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
     rig_.setImuFrame("imu_link");
-    rig_.addTransforms(extrinsic(), true);
+    addTransforms(extrinsic(), true);
     rig_.addLeft(left);
     rig_.addRight(right);
   }
   bool complainsOf(const std::string& text) const {
     return !rig_.rig() && rig_.problem().find(text) != std::string::npos;
   }
-  RigAssembler rig_{"/left", "/right"};
+  void addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+    frames_.add(message, is_static);
+    rig_.noteTransforms();
+  }
+  FrameTree frames_;
+  RigAssembler rig_{frames_, "/left", "/right"};
 };
 
 TEST_F(Rig, names_numbers_that_no_rig_has) {
@@ -61,7 +66,7 @@ TEST_F(Rig, names_a_lever_arm_that_no_rig_has) {
   auto far = extrinsic();
   far.transforms[0].transform.translation.y = 1e308;
   rig_.setImuFrame("imu_link");
-  rig_.addTransforms(far, true);
+  addTransforms(far, true);
   rig_.addLeft(info(false));
   rig_.addRight(info(true));
   EXPECT_TRUE(complainsOf("at most 10 km")) << rig_.problem();
@@ -69,7 +74,7 @@ TEST_F(Rig, names_a_lever_arm_that_no_rig_has) {
 
 TEST_F(Rig, is_complete_with_two_infos_and_the_transform_whatever_the_order) {
   rig_.addRight(info(true));
-  rig_.addTransforms(extrinsic(), true);
+  addTransforms(extrinsic(), true);
   rig_.addLeft(info(false));
   EXPECT_FALSE(rig_.rig());
   rig_.setImuFrame("imu_link");
@@ -108,7 +113,7 @@ TEST_F(Rig, a_transform_on_tf_serves_as_well) {
   rig_.addRight(info(true));
   auto moving = extrinsic();
   moving.transforms[0].header.stamp = ros::Time(12.0);
-  rig_.addTransforms(moving, false);
+  addTransforms(moving, false);
   EXPECT_TRUE(rig_.rig());
 }
 

@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "vi_ekf_slam/ros/xmlrpc_yaml.hpp"
+#include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
 
 namespace vi_ekf_slam {
 namespace {

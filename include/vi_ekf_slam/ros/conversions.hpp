@@ -52,9 +52,10 @@ ros::Time toTime(Stamp stamp);
 /// `imu_frame` is what header.frame_id must be.
 Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string& imu_frame);
 
-/// The velocity must be in the IMU frame and of the IMU's origin.
-Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message,
-                                     const std::string& imu_frame);
+/// Linear velocity of the origin of header.frame_id along its axes, whatever frame that is.
+Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message);
+/// The same of child_frame_id; the pose is not used.
+Converted<VelocitySample> toVelocity(const nav_msgs::Odometry& message);
 
 /// What is known of the biases: the twist is their mean, in the IMU frame; of the covariance the diagonal
 /// counts.

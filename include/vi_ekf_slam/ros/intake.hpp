@@ -1,13 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
+#include <utility>
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
-#include "vi_ekf_slam/ros/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/input/frame_tree.hpp"
+#include "vi_ekf_slam/ros/input/rig_assembler.hpp"
+#include "vi_ekf_slam/ros/input/velocity_frames.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
@@ -16,6 +21,7 @@ namespace vi_ekf_slam {
 struct InputTopics {
   std::string imu = "imu";
   std::string velocity = "velocity";
+  std::string wheel_odometry = "wheel_odometry";
   std::string twist_bias = "twist_bias";
   std::string features = "features";
   std::string left_info = "left/camera_info";
@@ -24,6 +30,10 @@ struct InputTopics {
 
 /// The one path from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
 /// it turns away, and hands over the calibration as soon as it is complete.
+///
+/// The IMU's messages say what the IMU's frame is. A velocity may be of any frame of the vehicle; the first
+/// one waits for the transform that carries it to the IMU, and all that comes after it, for as long as
+/// measurements wait for the calibration.
 class Intake {
  public:
   /// `system` must outlive this.
@@ -31,6 +41,8 @@ class Intake {
 
   void add(const sensor_msgs::Imu& message);
   void add(const geometry_msgs::TwistWithCovarianceStamped& message);
+  /// Wheel odometry, whose twist is a velocity too.
+  void add(const nav_msgs::Odometry& message);
   void add(const StereoFeatureArray& message);
   /// What is known of the biases of imu and velocity beforehand; best before the first of them.
   void addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& message);
@@ -38,21 +50,46 @@ class Intake {
   void addRightInfo(const sensor_msgs::CameraInfo& message);
   void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);
 
+  /// Nothing waits any longer: the data are over.
+  void flush();
+  /// Time begins anew.
+  void restartTransforms() { frames_.restart(); }
+  /// Called once for each frame that cannot be used: its name, and what to do.
+  void onProblem(std::function<void(const std::string&)> handler) { problem_handler_ = std::move(handler); }
+
+  const FrameTree& frames() const { return frames_; }
+  /// Whether a velocity waits for a transform.
+  bool isWaiting() const { return !waiting_.empty(); }
   const RigAssembler& rigAssembler() const { return rig_; }
-  /// Empty until the first message said it, unless configured.
+  /// Empty until the first IMU message said it, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
-  std::uint64_t received() const { return received_; }
+  std::uint64_t received() const { return counts_.received; }
   /// Messages (and repeated ids) turned away, by "input: reason".
-  const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }
+  const std::map<std::string, std::uint64_t>& turnedAway() const { return counts_.turned_away; }
   /// Features taken that have no depth.
-  std::uint64_t withoutDisparity() const { return without_disparity_; }
+  std::uint64_t withoutDisparity() const { return counts_.without_disparity; }
   /// Features that the next message may have beside `max_features` of the configuration; for a busy node.
   void limitFeatures(std::size_t limit) { feature_limit_ = limit; }
   /// Features left out because of limitFeatures.
-  std::uint64_t shedFeatures() const { return shed_features_; }
+  std::uint64_t shedFeatures() const { return counts_.shed_features; }
 
  private:
+  struct Arrival {
+    Measurement measurement;
+    std::string frame; ///< of a velocity
+  };
+
+  struct Counts {
+    std::uint64_t received = 0, without_disparity = 0, shed_features = 0;
+    std::map<std::string, std::uint64_t> turned_away;
+  };
+
+  void hand(Arrival arrival);
+  void release(bool at_once);
+  bool hasWaited(const Arrival& arrival) const;
+  void addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id);
+  void report(const std::string& frame, const std::string& problem);
   void learnImuFrame(const std::string& frame_id);
   void turnAway(const char* input, conversions::Rejection rejection);
   void turnAway(const char* reason, std::size_t count);
@@ -60,13 +97,16 @@ class Intake {
 
   SlamSystem& system_;
   std::string imu_frame_;
+  FrameTree frames_;
   RigAssembler rig_;
-  std::uint64_t received_ = 0;
-  std::map<std::string, std::uint64_t> turned_away_;
-  std::uint64_t without_disparity_ = 0;
+  VelocityFrames velocities_;
+  std::deque<Arrival> waiting_; ///< in the order in which they came; the first is a velocity
+  bool may_wait_ = true;        ///< only the first velocity does: later ones are not to hold up what runs
+  std::set<std::string> reported_frames_;
+  std::function<void(const std::string&)> problem_handler_;
+  Counts counts_;
   std::size_t max_features_;
   std::size_t feature_limit_;
-  std::uint64_t shed_features_ = 0;
 };
 
 } // namespace vi_ekf_slam

@@ -11,10 +11,13 @@ namespace vi_ekf_slam {
 struct RosConfig {
   std::string map_frame = "map";
   std::string odom_frame = "odom";
-  std::string imu_frame;                    ///< empty: the frame_id of the first IMU or velocity message
+  std::string imu_frame;                    ///< empty: the frame_id of the first IMU message
+  std::string base_frame;                   ///< whose pose goes out; empty: the IMU's
   bool publish_tf = true;                   ///< any transform at all
-  bool publish_odom_tf = true;              ///< odom -> imu (dead reckoning) beside map -> odom
-  bool single_tf = false;                   ///< map -> imu directly instead of the two
+  bool publish_map_tf = true;               ///< map -> odom, the correction
+  bool publish_odom_tf = true;              ///< odom -> base, dead reckoning; false: somebody else's on /tf
+  bool single_tf = false;                   ///< map -> base directly instead of the two
+  double transform_tolerance = 0.0;         ///< s that map -> odom is stamped later than its measurement
   std::size_t path_max_points = 10000;      ///< a longer path is thinned to every second point
   double path_period_s = 0.5;               ///< s of sensor time between publications of a path
   double max_bandwidth_bytes_s = 1000000.0; ///< of each path and map topic; large ones are sent more rarely

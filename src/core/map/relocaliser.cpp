@@ -4,10 +4,10 @@
 #include <Eigen/Eigenvalues>
 #include <utility>
 
+#include "vi_ekf_slam/core/filter/validity.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/filter/validity.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -17,10 +17,10 @@ constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
 constexpr double kBetweenTries = 0.5;    // s
 constexpr double kBetweenFailures = 5.0; // s, of the costly part
-constexpr double kCornerSigma = 0.05;      // m, by which a front end finds a corner elsewhere another time
-constexpr double kCompatible = 11.345;     // chi-square, 3 degrees of freedom, 99 %
-constexpr double kShareOfMatches = 0.6;    // of the matches, that must agree
-constexpr double kLeastWidth = 0.5;        // m, of the points beside the line that they are nearest to
+constexpr double kCornerSigma = 0.05;    // m, by which a front end finds a corner elsewhere another time
+constexpr double kCompatible = 11.345;   // chi-square, 3 degrees of freedom, 99 %
+constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
+constexpr double kLeastWidth = 0.5;      // m, of the points beside the line that they are nearest to
 // Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
 constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
 
@@ -171,6 +171,17 @@ bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastWidth * kLeastWidth;
 }
 
+/// Of the landmarks, which have been moved with a filter that was `before` and is `after`.
+void moveArchive(const SE3& map_T_session, const Filter& before, const Filter& after,
+                 LandmarkMap& landmarks) {
+  Matrix6d turned = Matrix6d::Zero(); // the error of the pose within this drive, along the map's axes
+  for (const Eigen::Index at : {0, 3}) turned.block<3, 3>(at, at) = map_T_session.rotation();
+  const Matrix6d own = before.covariance().topLeftCorner<6, 6>();
+  const Matrix6d alignment =
+      turned * own * turned.transpose() + Matrix6d(after.covariance().topLeftCorner<6, 6>());
+  landmarks.archive().move(map_T_session, after.pose().translation(), 2.0 * alignment);
+}
+
 constexpr double kRounding = 1e-12; // of the largest variance
 
 } // namespace
@@ -206,7 +217,8 @@ bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandma
   return false;
 }
 
-std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const LandmarkMap& landmarks) const {
+std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter,
+                                                    const LandmarkMap& landmarks) const {
   Matches m;
   std::vector<Eigen::Index> rows_here, rows_there;
   for (const Landmark& l : landmarks.active()) {
@@ -241,35 +253,50 @@ std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const 
   return place;
 }
 
-/// As unsure of where the vehicle is there as can be; its landmarks of these ids are fused with the map's,
-/// which tells. What this drive saw before stays in the map as estimates without correlation.
+/// All is where it is in the map's frame, as unsure of where the vehicle is there as can be. What this drive
+/// saw before stays in the map as estimates without correlation.
+void Relocaliser::enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks) const {
+  landmarks.bound(filter, true);
+  for (std::size_t i = landmarks.active().size(); i-- > 0;) {
+    if (landmarks.active()[i].reactivated) landmarks.discard(filter, i);
+  }
+  filter.moveWorld(map_T_session);
+  Vector6d any;
+  any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
+  filter.addNoise(0, Matrix6d(any.cwiseAbs2().asDiagonal()));
+  LoadedMap loaded = loadedFrom(*map_);
+  const Eigen::Index rows = loaded.covariance.rows() - map_->base();
+  landmarks.adopt(filter, loaded.landmarks, loaded.positions, loaded.covariance.bottomRightCorner(rows, rows),
+                  Eigen::MatrixXd::Zero(filter.rows(), rows));
+}
+
+bool Relocaliser::placeAt(const SE3& pose, const Matrix6d& covariance, Filter& filter,
+                          LandmarkMap& landmarks) const {
+  Filter moved = filter;
+  LandmarkMap map = landmarks;
+  const SE3 map_T_session = pose * filter.pose().inverse();
+  enter(map_T_session, moved, map);
+  const auto told = LinearMeasurement(Vector6d::Zero(), covariance).by(0, Matrix6d::Identity());
+  if (!moved.correct(told) || !isValid(moved, true)) return false;
+  moved.settle();
+  moveArchive(map_T_session, filter, moved, map);
+  filter = std::move(moved);
+  landmarks = std::move(map);
+  return true;
+}
+
+/// The vehicle's landmarks of these ids are fused with the map's, which tells where it is there.
 bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
                          ReturningLandmarks& returning, const StereoModel& model, Stamp now) const {
   Filter moved = filter;
   LandmarkMap map = landmarks;
   ReturningLandmarks returning_there = returning;
   returning_there.restart();
-  map.bound(moved, true);
-  for (std::size_t i = map.active().size(); i-- > 0;) {
-    if (map.active()[i].reactivated) map.discard(moved, i);
-  }
-  const Matrix6d own = filter.covariance().topLeftCorner<6, 6>();
-  moved.moveWorld(place.map_T_session);
-  Vector6d any;
-  any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
-  moved.addNoise(0, Matrix6d(any.cwiseAbs2().asDiagonal()));
-  LoadedMap loaded = loadedFrom(*map_);
-  const Eigen::Index rows = loaded.covariance.rows() - map_->base();
-  map.adopt(moved, loaded.landmarks, loaded.positions, loaded.covariance.bottomRightCorner(rows, rows),
-            Eigen::MatrixXd::Zero(moved.rows(), rows));
+  enter(place.map_T_session, moved, map);
   if (returning_there.fuse(moved, map, model, now, place.ids, kLeastFused) < kLeastFused ||
       !isValid(moved, true))
     return false;
-  Matrix6d turned = Matrix6d::Zero(); // the error of the pose within this drive, along the map's axes
-  for (const Eigen::Index at : {0, 3}) turned.block<3, 3>(at, at) = place.map_T_session.rotation();
-  const Matrix6d alignment =
-      turned * own * turned.transpose() + Matrix6d(moved.covariance().topLeftCorner<6, 6>());
-  map.archive().move(place.map_T_session, moved.pose().translation(), 2.0 * alignment);
+  moveArchive(place.map_T_session, filter, moved, map);
   filter = std::move(moved);
   landmarks = std::move(map);
   returning = std::move(returning_there);

@@ -251,6 +251,29 @@ StateEstimate InvariantEstimator::state() const {
   return estimate;
 }
 
+/// What is in view was seen from elsewhere, so that it is not tracked on; its ids may return.
+bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covariance) {
+  if (const auto from = closures_.takeResume()) relocaliseIn(from->map);
+  const Filter before = filter_;
+  const LandmarkMap map_before = map_;
+  bool done = false;
+  if (closures_.use() == MapUse::kWaiting) {
+    done = closures_.placeIn(filter_, map_, world_T_imu, covariance);
+  } else {
+    loseAll();
+    done = recovery_.relocate(filter_, world_T_imu, covariance);
+    closures_.restart();
+  }
+  if (!done) {
+    filter_ = before;
+    map_ = map_before;
+    return false;
+  }
+  tracks_.clear();
+  if (last_frame_) last_frame_->position = filter_.pose().translation();
+  return true;
+}
+
 std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
   Filter settled = filter_;
   settled.settle();

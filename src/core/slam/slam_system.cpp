@@ -36,6 +36,7 @@ SlamSystem::SlamSystem(const Config& config)
       guard_(config.buffer),
       buffer_(config.buffer),
       estimator_(makeEstimator(config)),
+      lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
       noise_(config) {}
 
 void SlamSystem::setRig(const StereoRig& rig) {
@@ -150,6 +151,7 @@ void SlamSystem::reset(const std::string& reason) {
   if (bias_) estimator_->setBiasPrior(*bias_);
   if (loaded_map_) estimator_->relocaliseIn(loaded_map_);
   dead_reckoning_ = DeadReckoning();
+  lever_arm_.restart();
   first_stamp_.reset();
   blindness_.restart();
   ++counts_.resets;
@@ -192,12 +194,14 @@ void SlamSystem::process(const Measurement& measurement) {
   counts_.blind_s = blindness_.total();
   counts_.blind_periods = blindness_.periods();
   if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+    lever_arm_.note(*gyro);
     estimator_->process(*gyro);
     dead_reckoning_.process(*gyro);
     if (handlers_.gyro) handlers_.gyro({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
-    estimator_->process(*velocity);
-    dead_reckoning_.process(*velocity);
+    const VelocitySample at_imu = lever_arm_.atImu(*velocity);
+    estimator_->process(at_imu);
+    dead_reckoning_.process(at_imu);
   } else {
     const auto& frame = std::get<StereoFrame>(measurement);
     if (!rig_) ++counts_.frames_without_rig;

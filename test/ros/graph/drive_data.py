@@ -6,6 +6,7 @@ import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped, TwistWithCovarianceStamped
 from roslib.packages import find_node
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Imu
 from tf2_msgs.msg import TFMessage
 
@@ -16,6 +17,8 @@ YAW_RATE = 0.2     # rad/s
 SPEED_ERROR = 0.1  # m/s that the measured speed is wrong by, so that a correction can be told from a prediction
 FX, CX, CY, BASELINE = 500.0, 320.0, 240.0, 0.5
 CAMERA_IN_IMU = (0.4, 0.2, 0.1)  # m; the camera looks along x
+IMU_IN_BASE = (0.3, -0.2, 0.9)  # m; the IMU's x axis is the base's y axis
+BASE = "base_link"
 IMU, LEFT, RIGHT = "imu_link", "left_camera_optical", "right_camera_optical"
 
 
@@ -81,6 +84,42 @@ def camera_info(stamp, right):
     message.K = [FX, 0, CX, 0, FX, CY, 0, 0, 1]
     message.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
     message.P = [FX, 0, CX, -FX * BASELINE if right else 0, 0, FX, CY, 0, 0, 0, 1, 0]
+    return message
+
+
+def base_of(x, y, yaw):
+    """(x, y, z, yaw) of the base in the frame where it began, for a pose of the IMU where that began."""
+    ahead, left = -IMU_IN_BASE[1], IMU_IN_BASE[0]  # where the base's origin is, along the IMU's axes
+    turned, aside = math.cos(yaw) - 1.0, math.sin(yaw)
+    x, y = x + ahead * turned - left * aside, y + ahead * aside + left * turned
+    return -y, x, 0.0, yaw
+
+
+def base_extrinsic(stamp):
+    """Static transform from the base to the IMU."""
+    message = _header(TransformStamped(), stamp, BASE)
+    message.child_frame_id = IMU
+    translation, rotation = message.transform.translation, message.transform.rotation
+    translation.x, translation.y, translation.z = IMU_IN_BASE
+    rotation.z = rotation.w = math.sqrt(0.5)
+    return message
+
+
+def base_velocity(stamp, frame=BASE):
+    """The velocity of the base's origin along its axes: the IMU's (ahead, 0), and what the turn adds."""
+    message = _header(velocity(stamp), stamp, frame)
+    linear = message.twist.twist.linear
+    ahead = linear.x
+    linear.x, linear.y = YAW_RATE * IMU_IN_BASE[1], ahead - YAW_RATE * IMU_IN_BASE[0]
+    return message
+
+
+def wheel_odometry(stamp):
+    """The same as wheel odometry says it; its pose is its own."""
+    message = _header(Odometry(), stamp, "odom")
+    message.child_frame_id = BASE
+    message.pose.pose.orientation.w = 1.0
+    message.twist = base_velocity(stamp).twist
     return message
 
 

@@ -11,7 +11,7 @@ import rostest
 from nav_msgs.msg import Odometry
 
 import drive_data
-from node_runner import START, NodeRunner
+from node_runner import START, NodeRunner, bound_files
 
 
 class Ending(NodeRunner):
@@ -78,6 +78,13 @@ class Ending(NodeRunner):
         node.wait(20)
         self.assertGreaterEqual(self.poses(), 30)
         self.assertTrue(os.path.exists(os.path.join(self.output, "summary.yaml")))
+
+    def test_a_fault_ends_the_node(self):
+        """With an exit code that says so; what was computed until then is there."""
+        node = self.start_node(bound_files, output_dir=self.output, autosave_period=0)
+        self.reckon_until(lambda: node.poll() is not None)
+        self.assertEqual(1, node.wait(20))
+        self.assertGreater(self.poses(), 255)
 
     def test_a_period_that_is_none_is_refused(self):
         """Named with what is allowed."""

@@ -137,7 +137,7 @@ class Faults(DrivePlayer):
         for _, message in faults:
             message.header.frame_id = "somewhere"
         self.inject(faults + [("imu", drive_data.imu(rospy.Time()))],
-                    {"imu: wrong frame": 1, "velocity: wrong frame": 1, "features: wrong frame": 1,
+                    {"imu: wrong frame": 1, "velocity: no transform from its frame to the IMU's": 1, "features: wrong frame": 1,
                      "imu: stamp is zero": 1})
 
     def test_features_are_rejected_one_by_one(self):

@@ -9,9 +9,9 @@ import rospy
 import rostest
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
-from std_srvs.srv import Trigger
 
 import drive_data
+from vi_ekf_slam.srv import SaveMap
 
 
 class NoCalibration(unittest.TestCase):
@@ -39,7 +39,7 @@ class NoCalibration(unittest.TestCase):
         self.assertGreater(len(odometry), 80)
         travelled = odometry[-1].pose.pose.position.x
         self.assertAlmostEqual(10.5 * 0.97, travelled, delta=0.3)  # sin(1.8) of the radius 2.1 / 0.2
-        response = rospy.ServiceProxy("slam/save_map", Trigger)()
+        response = rospy.ServiceProxy("slam/save_map", SaveMap)()
         self.assertFalse(response.success)
         self.assertIn("output_dir", response.message)
 

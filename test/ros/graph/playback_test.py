@@ -9,9 +9,11 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
 import rospkg
 import rostest
 import yaml
+from tf2_msgs.msg import TFMessage
 
 import drive_data
 
@@ -46,9 +48,10 @@ class Playback(unittest.TestCase):
         """Folder of run_bag's results, made anew; what it said is in self.said."""
         output = os.path.join(self.folder, name)
         config = self.config if config is None else config
-        self.said = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
-                                   + (["--config", config] if config else []),
-                                   check=True, timeout=LIMIT, stdout=subprocess.PIPE).stdout.decode()
+        done = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
+                              + (["--config", config] if config else []),
+                              check=True, timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.said, self.warned = done.stdout.decode(), done.stderr.decode()
         return output
 
     def launch(self, *arguments):
@@ -81,6 +84,39 @@ class Playback(unittest.TestCase):
         nodelet = os.path.join(self.folder, "nodelet")
         log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
+
+    def test_velocities_of_another_frame_are_carried_to_the_imu(self):
+        """By a transform that comes later than the first of them; whichever message says it, as if the IMU's had."""
+        of_imu = np.array([line.split() for line in _read(self.run_bag(), "trajectory.tum").splitlines()], float)
+        for topic, make in (("velocity", drive_data.base_velocity), ("wheel_odometry", drive_data.wheel_odometry)):
+            messages = []
+            for name, message in drive_data.drive(gyro_per_frame=2):
+                is_velocity = name == "velocity"
+                messages.append((topic, make(drive_data.stamp_of(message))) if is_velocity else (name, message))
+            late = next(i for i, (_, m) in enumerate(messages) if drive_data.stamp_of(m).to_sec() > 1000.5)
+            transform = TFMessage([drive_data.base_extrinsic(drive_data.stamp_of(messages[late][1]))])
+            messages.insert(late, ("/tf_static", transform))
+            # The bag's order is that of recording: the first message is a velocity.
+            messages.insert(0, messages.pop(next(i for i, (name, _) in enumerate(messages) if name == topic)))
+            drive_data.write_bag(self.bag, messages)
+            expected = self.run_bag(name="run_" + topic)
+            log = self.launch("output_dir:=" + os.path.join(self.folder, "node_" + topic))
+            self.check_equal(expected, os.path.join(self.folder, "node_" + topic), log)
+            summary = yaml.safe_load(_read(expected, "summary.yaml"))
+            self.assertEqual(61, summary["processed"]["velocity"], summary)
+            of_base = np.array([line.split() for line in _read(expected, "trajectory.tum").splitlines()], float)
+            self.assertLess(np.abs(of_imu[:, 1:] - of_base[:, 1:]).max(), 1e-3, topic)
+
+    def test_a_velocity_that_cannot_be_carried_is_named_once(self):
+        """With its frame and what to do; the rest goes on without it."""
+        for frame, advice in (("wheel", "/tf_static"), ("odom", "a frame of the vehicle is needed")):
+            drive_data.write_bag(self.bag, [(t, drive_data.base_velocity(m.header.stamp, frame) if t == "velocity" else m)
+                                            for t, m in drive_data.drive()])
+            output = self.run_bag(name=frame)
+            problems = [line for line in self.warned.splitlines() if "'%s'" % frame in line]
+            self.assertEqual(1, len(problems), self.warned)
+            self.assertIn(advice, problems[0])
+            self.assertEqual(61, len(_read(output, "trajectory.tum").splitlines()))
 
     def test_a_bag_without_features_ends_too(self):
         """Dead reckoning is saved, the same as run_bag's; the player's clock, which runs on, keeps nothing alive."""

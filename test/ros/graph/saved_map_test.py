@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 import drive_data
 from node_runner import START, NodeRunner
+from vi_ekf_slam.srv import LoadMap, SaveMap
 from waiting import wait_for
 
 ALONE = "begun anew, no map loaded"
@@ -61,11 +62,11 @@ class SavedMap(NodeRunner):
             return (level, text) in said
         self.assertTrue(wait_for(is_said, 10.0), said)
 
-    def call(self, service):
+    def call(self, service, *arguments):
         """Calls a private service."""
         name = "/%s/%s" % (self.name, service)
         rospy.wait_for_service(name, timeout=20.0)
-        return rospy.ServiceProxy(name, Trigger)()
+        return rospy.ServiceProxy(name, {"save_map": SaveMap, "load_map": LoadMap}.get(service, Trigger))(*arguments)
 
     def errors(self, messages, start=START):
         """Distances (m) from the circle that is driven, in the frame in which it began."""
@@ -185,6 +186,34 @@ class SavedMap(NodeRunner):
         self.assertTrue(self.stamps("second", "before_reset_1", "trajectory.tum"))
         self.assertGreater(self.stamps("second", "trajectory.tum")[0], start + 9.0)
 
+    def test_a_map_is_saved_to_a_file_and_loaded_from_it(self):
+        """By name, without any output_dir; a name that cannot be followed is refused."""
+        path = os.path.join(self.output, "hall.bag")
+        node = self.start_node()
+        self.assertFalse(self.call("save_map", "hall.bag").success)
+        self.assertIn("absolute", self.call("load_map", "hall.bag").message)
+        self.assertIn("output_dir", self.call("save_map").message)
+        answer = self.call("save_map", path)
+        self.assertFalse(answer.success, "nothing has been measured yet")
+        self.assertIn(path, answer.message)
+        self.play(0.0, 6.0)
+        self.answered(START + 5.7)
+        answer = self.call("save_map", path)
+        self.assertTrue(answer.success, answer.message)
+        self.assertIn(path, answer.message)
+        self.assertEqual(["hall.bag"], os.listdir(self.output))
+        self.assertFalse(self.call("load_map", path + "x").success)
+        answer = self.call("load_map", path)
+        self.assertTrue(answer.success, answer.message)
+        self.wait_for_report(DiagnosticStatus.WARN, WAITING)
+        self.assertFalse(self.call("save_map", path).success)  # it would replace what it waits to find
+        self.play(6.1, 8.5)
+        self.answered(START + 8.2)
+        self.wait_for_report(DiagnosticStatus.OK, RELOCALISED)
+        self.assertLess(self.errors(self.odometry)[-1], 0.5)
+        node.terminate()
+        node.wait(20)
+
     def test_what_cannot_be_started_with_is_refused(self):
         """Named with what is allowed."""
         path = os.path.join(self.output, "map.bag")
@@ -206,8 +235,10 @@ class SavedMap(NodeRunner):
         self.play(0.0, 1.0)
         self.answered(START + 0.7)
         answer = self.call("save_map")
-        self.assertTrue(answer.success)
-        self.assertIn("no map.bag", answer.message)
+        self.assertFalse(answer.success)
+        self.assertIn("map.bag", answer.message)
+        self.assertIn("landmarks.csv", answer.message)
+        self.assertFalse(os.path.exists(os.path.join(self.output, "map.bag")))
         self.assertTrue(os.path.exists(os.path.join(self.output, "landmarks.csv")))
         self.assertFalse(self.call("load_map").success)
 

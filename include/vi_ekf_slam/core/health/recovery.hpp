@@ -38,6 +38,9 @@ class Recovery {
   /// as the error may be. The local map is to be begun anew then.
   Divergence judge(Filter& filter, const LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
                    const std::vector<Association>& associations, const FrameOutcome& outcome);
+  /// The body is at `pose`, known to `covariance` (6x6 of dp and theta), whatever was believed before. False
+  /// where the filter is not valid then.
+  bool relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance);
   /// The next frame's travel begins here.
   void endFrame();
 

@@ -36,6 +36,15 @@ class Closures {
   }
   void restart() { returning_.restart(); }
 
+  /// Somebody says where in the saved map the vehicle is, see Relocaliser::placeAt.
+  bool placeIn(Filter& filter, LandmarkMap& map, const SE3& pose, const Matrix6d& covariance) {
+    if (!relocaliser_ || !relocaliser_->placeAt(pose, covariance, filter, map)) return false;
+    returning_.restart();
+    relocaliser_.reset();
+    use_ = MapUse::kRelocalised;
+    return true;
+  }
+
   void relocaliseIn(std::shared_ptr<const SavedMap> map) {
     relocaliser_.emplace(std::move(map));
     use_ = MapUse::kWaiting;

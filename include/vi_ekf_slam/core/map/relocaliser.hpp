@@ -21,12 +21,17 @@ class Relocaliser {
   bool update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning, const StereoModel& model,
               Stamp now);
 
+  /// The vehicle is at `pose` in the map, known to `covariance` (6x6 of dp and theta): all is moved there.
+  /// False, and nothing changes, where the filter would not be valid.
+  bool placeAt(const SE3& pose, const Matrix6d& covariance, Filter& filter, LandmarkMap& landmarks) const;
+
  private:
   struct Place {
     SE3 map_T_session;
     std::vector<FeatureId> ids; ///< that lie there as they lie here
   };
   std::optional<Place> find(const Filter& filter, const LandmarkMap& landmarks) const;
+  void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks) const;
   bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
               const StereoModel& model, Stamp now) const;
 

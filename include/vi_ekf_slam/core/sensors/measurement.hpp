@@ -18,11 +18,13 @@ struct GyroSample {
   std::optional<Eigen::Matrix3d> covariance; ///< (rad/s)^2 of this sample; absent: the configured noise holds
 };
 
-/// Linear velocity of the IMU's origin in the IMU frame, m/s.
+/// Linear velocity of a point of the vehicle along the axes of the IMU frame, m/s.
 struct VelocitySample {
   Stamp stamp = 0;
   Eigen::Vector3d linear_velocity = Eigen::Vector3d::Zero();
   std::optional<Eigen::Matrix3d> covariance; ///< (m/s)^2 of this sample; absent: the configured noise holds
+  Eigen::Vector3d lever_arm =
+      Eigen::Vector3d::Zero(); ///< m, of the point in the IMU frame; 0: the IMU itself
 };
 
 /// What is known beforehand of the constant biases of what is measured of the twist: (velocity in m/s, gyro

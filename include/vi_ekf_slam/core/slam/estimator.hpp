@@ -85,6 +85,11 @@ class Estimator {
   /// From now on; an estimator without such gates has nothing to change.
   virtual void setGates(const Gates& /*gates*/) {}
 
+  /// From now on the IMU is where somebody says it is, known to `covariance` (as in StateEstimate, positive
+  /// definite), and landmarks stay where they are. While the place in a loaded map is looked for the pose is
+  /// one in that map, and the place is found. False, and nothing changes, for an estimator that cannot.
+  virtual bool setPose(const SE3& /*world_T_imu*/, const Matrix6d& /*covariance*/) { return false; }
+
   /// Whether the estimate may go on after a gap of so many s in which nothing is measured: the heading is
   /// known well enough then.
   virtual bool canBridge(double /*gap_s*/) const { return true; }

@@ -25,6 +25,7 @@ class InvariantEstimator : public Estimator {
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
   void setGates(const Gates& gates) override;
+  bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) override;
   bool canBridge(double gap_s) const override;
   StateEstimate state() const override;
   std::vector<LandmarkEstimate> landmarks() const override;

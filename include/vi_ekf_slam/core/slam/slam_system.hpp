@@ -11,6 +11,7 @@
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/clock_guard.hpp"
+#include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/noise_report.hpp"
@@ -97,6 +98,11 @@ class SlamSystem {
   /// Forgets state and map, keeps calibration, counts and what was loaded.
   void reset(const std::string& reason);
 
+  /// The IMU is where somebody says it is, see Estimator::setPose.
+  bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) {
+    return estimator_->setPose(world_T_imu, covariance);
+  }
+
   /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator
   /// that keeps no joint map.
   void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
@@ -133,6 +139,7 @@ class SlamSystem {
   MeasurementBuffer buffer_;
   std::unique_ptr<Estimator> estimator_;
   DeadReckoning dead_reckoning_;
+  LeverArm lever_arm_;
   std::optional<StereoRig> rig_;
   std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> loaded_map_;

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include <optional>
+#include <string>
+
+#include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/types.hpp"
+
+namespace vi_ekf_slam {
+
+constexpr double kVehicleSize = 100.0; ///< m; what is farther away is no part of a vehicle
+
+/// What /tf and /tf_static have said: static transforms for ever, others for 10 s.
+class FrameTree {
+ public:
+  void add(const tf2_msgs::TFMessage& message, bool is_static);
+  /// Time begins anew: forgets what is not static.
+  void restart() { buffer_.clear(); }
+
+  /// target_T_source, the newest that is known; nothing where nothing connects the two.
+  std::optional<SE3> find(const std::string& target, const std::string& source) const;
+  /// The same at a stamp, interpolated; nothing either where it is not known of that time (yet).
+  std::optional<SE3> findAt(const std::string& target, const std::string& source, Stamp stamp) const;
+  /// Up to which the two are known (0: for ever); nothing where they are not.
+  std::optional<Stamp> newest(const std::string& target, const std::string& source) const;
+  /// Empty: none is known.
+  std::string parentOf(const std::string& frame) const;
+
+ private:
+  std::optional<SE3> lookUp(const std::string& target, const std::string& source,
+                            const ros::Time& time) const;
+
+  tf2::BufferCore buffer_;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+
+#include <algorithm>
+#include <array>
+#include <deque>
+#include <optional>
+
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
+#include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/node/latency_meter.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
+
+namespace vi_ekf_slam {
+
+/// Rate of a stream by its stamps, over the last few messages.
+class RateMeter {
+ public:
+  void add(Stamp stamp);
+  /// Hz of sensor time; 0 with fewer than two messages.
+  double rate() const;
+  /// s of wall time since the last message; nothing before the first.
+  std::optional<double> silence() const;
+
+ private:
+  std::deque<Stamp> stamps_;
+  std::optional<ros::WallTime> last_;
+};
+
+/// What /diagnostics says about the node.
+class Diagnostics {
+ public:
+  /// What is watched; must outlive this.
+  struct Sources {
+    const SlamSystem& system;
+    const Intake& intake;
+    const Publishers& publishers;
+    const WorkQueue& queue;
+    const LoadControl& load;
+  };
+
+  Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources);
+
+  /// `arrival`: in the callback.
+  void noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Clock::time_point arrival);
+  /// Stamps begin anew.
+  void restart() { latency_.restart(); }
+  /// Intake's, and what was shed before it.
+  std::map<std::string, std::uint64_t> allTurnedAway() const;
+  void noteOutput(const Output& output, bool is_frame);
+  void publish() { updater_.force_update(); }
+  /// The node ends by this: nothing is reported after it.
+  void fail(const std::string& failure) {
+    updater_.broadcast(diagnostic_msgs::DiagnosticStatus::ERROR, failure);
+  }
+  /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
+  double period() { return std::max(0.05, updater_.getPeriod()); }
+
+ private:
+  using Status = diagnostic_updater::DiagnosticStatusWrapper;
+
+  void inputs(Status& status);
+  void calibration(Status& status);
+  void frames(Status& status);
+  void estimator(Status& status);
+  void divergence(Status& status);
+  void map(Status& status);
+  void load(Status& status);
+  void drops(Status& status);
+
+  /// Counts that the last report had.
+  struct Reported {
+    std::uint64_t shed = 0, drops = 0;
+    std::array<std::uint64_t, kDivergenceCount> divergences{};
+  };
+
+  Sources from_;
+  LatencyMeter latency_;
+  Reported reported_;
+  std::array<RateMeter, kStreamCount> rates_;
+  Stamp newest_input_ = 0;
+  Stamp newest_output_ = 0;
+  std::optional<Output> last_frame_;
+  double slowest_update_s_ = 0.0; ///< since the last report
+  diagnostic_updater::Updater updater_;
+};
+
+} // namespace vi_ekf_slam

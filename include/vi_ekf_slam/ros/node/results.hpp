@@ -1,0 +1,66 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <future>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/run/run_writer.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
+#include "vi_ekf_slam/ros/node/settings.hpp"
+#include "vi_ekf_slam/ros/node/worker.hpp"
+
+namespace vi_ekf_slam {
+
+/// What a node has computed, and how it comes to the disk: at the end, every now and then, and when it is
+/// asked for. Copies are made in the worker, and written beside it; one thread at a time writes.
+class Results {
+ public:
+  struct Answer {
+    bool success = false;
+    std::string message;
+  };
+
+  /// What is saved of; must outlive this.
+  Results(const NodeSettings& settings, MapStore& maps, const SlamSystem& system, Worker& worker,
+          std::function<RunSummary()> summary);
+
+  // In the worker.
+  void add(const Output& output, bool is_frame);
+  /// Earlier poses are in another frame, or of another start.
+  void restart() { writer_.restart(); }
+  void autosaveIfDue();
+
+  // In any other thread.
+  Answer saveTrajectory();
+  /// `file`: absolute; empty: map.bag of output_dir, and landmarks.csv. From then on both are kept up to
+  /// date.
+  Answer saveMap(const std::string& file);
+
+  /// The worker has ended: saves everything, and says so.
+  void saveAtTheEnd();
+
+ private:
+  /// Made in the worker; what it returns computes and writes, in any thread, and says what it wrote.
+  using Snapshot = std::function<std::function<std::string()>()>;
+
+  Answer save(const Snapshot& snapshot);
+  std::function<SavedMap()> mapToKeep() const;
+  void write(const RunWriter& writer, const RunSummary& summary,
+             const std::vector<LandmarkEstimate>& landmarks) const;
+
+  std::string output_dir_;
+  double autosave_period_s_;
+  MapStore& maps_;
+  const SlamSystem& system_;
+  Worker& worker_;
+  std::function<RunSummary()> summary_;
+  RunWriter writer_;
+  WorkQueue::Clock::time_point last_autosave_ = WorkQueue::Clock::now();
+  std::shared_future<void> autosave_;
+  std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
+  std::atomic<bool> service_saves_{false};   ///< set by the worker: no autosave begins
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <ros/ros.h>
+
+#include <string>
+
+#include "vi_ekf_slam/ros/node/map_store.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+namespace vi_ekf_slam {
+
+/// The parameters that a node starts with.
+struct NodeSettings {
+  FullConfig config;               ///< with what ~tuning holds in the place of its own
+  std::string source;              ///< where the parameters are, for messages
+  std::string output_dir;          ///< absolute; empty: nothing is saved
+  double autosave_period_s = 60.0; ///< s of wall time; 0: saved at the end only
+  MapStore::Settings maps;
+};
+
+/// Throws ConfigError, or std::runtime_error when output_dir cannot be made.
+NodeSettings readNodeSettings(const ros::NodeHandle& private_nh);
+
+/// Absolute, with a leading ~ replaced by the home directory.
+std::string absolutePath(const std::string& path);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <ros/ros.h>
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/node/diagnostics.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
+#include "vi_ekf_slam/ros/node/map_store.hpp"
+#include "vi_ekf_slam/ros/node/results.hpp"
+#include "vi_ekf_slam/ros/node/services.hpp"
+#include "vi_ekf_slam/ros/node/settings.hpp"
+#include "vi_ekf_slam/ros/node/worker.hpp"
+#include "vi_ekf_slam/ros/output/output_sequencer.hpp"
+#include "vi_ekf_slam/ros/output/publishers.hpp"
+
+namespace vi_ekf_slam {
+
+/// Connects topics and parameters to Intake, SlamSystem, Publishers and Results; the same for the node and
+/// the nodelet.
+///
+/// Three threads: the callbacks of the topics (the node's or nodelet's queue) only put messages into a
+/// WorkQueue; the worker takes them out, computes and publishes, and owns everything but that queue; services
+/// have a thread of their own, hand their work to the worker and wait for it; what they save is a copy that
+/// the worker makes, computed and written in their thread.
+class SlamNode {
+ public:
+  /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the
+  /// node must not start then.
+  SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh);
+  /// Calls finish().
+  ~SlamNode();
+  SlamNode(const SlamNode&) = delete;
+  SlamNode& operator=(const SlamNode&) = delete;
+
+  /// The data are over: processes what is still held (for a few seconds at most) and saves everything. A
+  /// second call does nothing.
+  void finish();
+
+  /// What ended the computing early; empty: nothing. Everything up to then can be saved.
+  std::string failure() const { return worker_.failure(); }
+
+ private:
+  /// What is looked after every now and then, by wall time, because the simulated clock of a bag may stand
+  /// still.
+  struct Watch {
+    WorkQueue::Clock::time_point start = WorkQueue::Clock::now();
+    WorkQueue::Clock::time_point last_report = start;
+    WorkQueue::Clock::time_point last_warning = start;
+    WorkQueue::Clock::time_point item_arrival = start;
+    std::map<std::string, std::uint64_t> warned_turned_away;
+  };
+
+  InputTopics resolvedTopics() const;
+  void connectSystem();
+  void subscribe();
+  template <typename Message>
+  void listen(const std::string& topic, std::function<void(const Message&)> process,
+              std::optional<Stream> stream);
+  template <typename Message>
+  void listenToMeasurements(const std::string& topic, Stream stream);
+  Services::Actions actions();
+  void listenToTransforms(const std::string& topic, bool is_static);
+  void handleTransforms(tf2_msgs::TFMessage message, bool is_static, bool of_this_process);
+  void process(WorkQueue::Item& item);
+  void tend(bool is_pause);
+  void handleOutput(const Output& output, bool is_frame);
+  void handleReset(const std::string& reason);
+  std::string setPose(const geometry_msgs::PoseWithCovarianceStamped& message);
+  void warn();
+  RunSummary summary() const;
+
+  ros::NodeHandle nh_;
+  NodeSettings settings_;
+  MapStore maps_;
+  SlamSystem system_;
+  Intake intake_;
+  OutputSequencer sequencer_;
+  Publishers publishers_;
+  LoadControl load_;
+  Worker worker_;
+  Diagnostics diagnostics_;
+  Results results_;
+  Watch watch_;
+  std::vector<ros::Subscriber> subscribers_;
+  std::unique_ptr<Services> services_; ///< none after finish()
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/ros/input/frame_tree.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
+
+namespace vi_ekf_slam {
+
+/// The frame whose pose goes out, and the map that begins at its first pose: what the estimator says of the
+/// IMU in its world, which begins at the IMU's, said of the base. With B = base_T_imu, constant,
+/// map_T_base = B world_T_imu B^-1, and points of the world are at B of where they are.
+class BaseFrame {
+ public:
+  /// `frames` must outlive this.
+  BaseFrame(const FrameTree& frames, const RosConfig& config) : frames_(frames), config_(config) {}
+
+  /// Whether the transform between the two is known now; the first one that was holds.
+  bool update(const std::string& imu_frame);
+  /// Why it is not known, or why no odom -> base may be sent, and what to do; empty: all is well.
+  std::string problem() const;
+  /// Of the frame; empty as long as nothing is known.
+  const std::string& name() const { return name_; }
+  /// Whether somebody else publishes a parent of the frame, beside which there must be no second publisher.
+  bool hasForeignParent() const;
+
+  SE3 pose(const SE3& world_T_imu) const;
+  /// The inverse of pose: where the IMU is in the world when the base is at `map_T_base`.
+  SE3 imuPose(const SE3& map_T_base) const;
+  /// Pose and twist with their covariances.
+  StateEstimate state(const StateEstimate& of_imu) const;
+  /// Of the IMU's pose in the world, from that of the base's in the map; both along the fixed axes.
+  Matrix6d imuCovariance(const SE3& map_T_base, const Matrix6d& covariance) const;
+  std::vector<LandmarkEstimate> landmarks(std::vector<LandmarkEstimate> in_world) const;
+
+ private:
+  const FrameTree& frames_;
+  RosConfig config_;
+  std::string imu_frame_;
+  std::string name_;
+  std::optional<SE3> base_T_imu_; ///< nothing: the IMU itself, or not known
+};
+
+} // namespace vi_ekf_slam

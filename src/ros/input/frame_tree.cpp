@@ -1,0 +1,44 @@
+#include "vi_ekf_slam/ros/input/frame_tree.hpp"
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+
+void FrameTree::add(const tf2_msgs::TFMessage& message, bool is_static) {
+  for (geometry_msgs::TransformStamped transform : message.transforms) {
+    transform.header.frame_id = conversions::frameName(transform.header.frame_id);
+    transform.child_frame_id = conversions::frameName(transform.child_frame_id);
+    buffer_.setTransform(transform, "vi_ekf_slam", is_static);
+  }
+}
+
+std::optional<SE3> FrameTree::lookUp(const std::string& target, const std::string& source,
+                                     const ros::Time& time) const {
+  if (target.empty() || source.empty()) return std::nullopt;
+  if (target == source) return SE3();
+  if (!buffer_.canTransform(target, source, time)) return std::nullopt;
+  return conversions::toSE3(buffer_.lookupTransform(target, source, time).transform);
+}
+
+std::optional<SE3> FrameTree::find(const std::string& target, const std::string& source) const {
+  return lookUp(target, source, ros::Time(0));
+}
+
+std::optional<SE3> FrameTree::findAt(const std::string& target, const std::string& source,
+                                     Stamp stamp) const {
+  return lookUp(target, source, conversions::toTime(stamp));
+}
+
+std::optional<Stamp> FrameTree::newest(const std::string& target, const std::string& source) const {
+  if (!find(target, source)) return std::nullopt;
+  if (target == source) return 0;
+  return conversions::toStamp(buffer_.lookupTransform(target, source, ros::Time(0)).header.stamp);
+}
+
+std::string FrameTree::parentOf(const std::string& frame) const {
+  std::string parent;
+  if (frame.empty() || !buffer_._getParent(frame, ros::Time(0), parent)) return {};
+  return parent;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,132 @@
+#include "vi_ekf_slam/ros/input/rig_assembler.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+/// px; the two cameras of a rectified pair may differ by rounding only.
+constexpr double kPixelTolerance = 1e-3;
+// Beyond any rig that exists. What is larger is a fault, and could overflow what is computed from it.
+constexpr double kMaxFocalLength = 1e6; ///< px; also of the principal point
+constexpr double kMaxBaseline = 1e3;    ///< m
+constexpr double kMaxLeverArm = 1e4;    ///< m
+
+/// What is wrong with one CameraInfo by itself; empty: nothing.
+std::string infoProblem(const sensor_msgs::CameraInfo& info, const std::string& topic) {
+  const auto& P = info.P;
+  if (!std::all_of(P.begin(), P.end(), [](double p) { return std::isfinite(p); })) {
+    return "P of " + topic + " is not finite";
+  }
+  if (P[0] == 0.0 && P[5] == 0.0) return "P of " + topic + " is zero: the camera is not calibrated";
+  if (P[0] <= 0.0 || P[5] <= 0.0) return "focal lengths in P of " + topic + " must be positive";
+  if (std::max({P[0], P[5], std::abs(P[2]), std::abs(P[6])}) > kMaxFocalLength ||
+      std::min(P[0], P[5]) < 1.0) {
+    return "focal lengths in P of " + topic +
+           " must be from 1 to 1e6 px, the principal point within +-1e6 px";
+  }
+  if (P[10] != 1.0 || P[1] != 0.0 || P[4] != 0.0 || P[8] != 0.0 || P[9] != 0.0) {
+    return "P of " + topic + " must be [fx 0 cx Tx; 0 fy cy Ty; 0 0 1 0]";
+  }
+  if (info.binning_x > 1 || info.binning_y > 1 || info.roi.x_offset != 0 || info.roi.y_offset != 0) {
+    return topic + " has binning or a region of interest, which is not supported";
+  }
+  return {};
+}
+
+/// What keeps the two from being one rectified pair; empty: nothing.
+std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
+  static constexpr std::pair<std::size_t, const char*> kShared[] = {
+      {0, "fx"}, {5, "fy"}, {2, "cx"}, {6, "cy"}};
+  std::ostringstream text;
+  text.precision(12);
+  for (const auto& [index, name] : kShared) {
+    if (std::abs(left.P[index] - right.P[index]) <= kPixelTolerance) continue;
+    text << "the pair is not rectified: " << name << " is " << left.P[index] << " px on the left and "
+         << right.P[index] << " px on the right";
+    return text.str();
+  }
+  if (left.P[3] != 0.0) {
+    text << "P[3] of the left camera must be 0, it is " << left.P[3];
+  } else if (!(right.P[3] < 0.0)) {
+    text << "P[3] = -fx * baseline of the right camera must be negative, it is " << right.P[3];
+  } else if (!(-right.P[3] / right.P[0] <= kMaxBaseline && -right.P[3] >= 1e-6 * right.P[0])) {
+    text << "P[3] = -fx * baseline of the right camera must stand for 1e-6 to 1e3 m, it is " << right.P[3];
+  }
+  return text.str();
+}
+
+StereoCamera toCamera(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
+  return {left.P[0], left.P[5], left.P[2], left.P[6], -right.P[3] / right.P[0]};
+}
+
+} // namespace
+
+RigAssembler::RigAssembler(const FrameTree& frames, std::string left_topic, std::string right_topic)
+    : frames_(frames), left_topic_(std::move(left_topic)), right_topic_(std::move(right_topic)) {
+  update();
+}
+
+void RigAssembler::setImuFrame(const std::string& imu_frame) {
+  imu_frame_ = imu_frame;
+  update();
+}
+
+void RigAssembler::noteChange(const std::optional<sensor_msgs::CameraInfo>& held,
+                              const sensor_msgs::CameraInfo& info) {
+  if (rig_ && held && held->P != info.P) changed_later_ = true;
+}
+
+void RigAssembler::addLeft(const sensor_msgs::CameraInfo& info) {
+  noteChange(left_, info);
+  if (rig_) return;
+  left_ = info;
+  left_frame_ = conversions::frameName(info.header.frame_id);
+  update();
+}
+
+void RigAssembler::addRight(const sensor_msgs::CameraInfo& info) {
+  noteChange(right_, info);
+  if (rig_) return;
+  right_ = info;
+  update();
+}
+
+std::optional<ImageSize> RigAssembler::imageSize() const {
+  if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
+  if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
+  return ImageSize{static_cast<double>(left_->width), static_cast<double>(left_->height)};
+}
+
+std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
+  if (imu_frame_.empty()) return "the IMU's frame is not known yet (no IMU message)";
+  if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
+  const auto found = frames_.find(left_frame_, imu_frame_);
+  if (!found) return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
+  cam_T_imu = *found;
+  if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
+  return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";
+}
+
+void RigAssembler::update() {
+  if (rig_) return;
+  std::vector<std::string> problems;
+  const auto note = [&problems](const std::string& text) {
+    if (!text.empty()) problems.push_back(text);
+  };
+  note(left_ ? infoProblem(*left_, left_topic_) : "no sensor_msgs/CameraInfo on " + left_topic_);
+  note(right_ ? infoProblem(*right_, right_topic_) : "no sensor_msgs/CameraInfo on " + right_topic_);
+  if (problems.empty()) note(pairProblem(*left_, *right_));
+  SE3 cam_T_imu;
+  if (left_) note(transformProblem(cam_T_imu));
+  problem_.clear();
+  for (const std::string& text : problems) problem_ += (problem_.empty() ? "" : "; ") + text;
+  if (problems.empty()) rig_ = StereoRig{toCamera(*left_, *right_), cam_T_imu};
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,136 @@
+#include "vi_ekf_slam/ros/node/results.hpp"
+
+#include <algorithm>
+#include <exception>
+#include <stdexcept>
+#include <utility>
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
+
+} // namespace
+
+Results::Results(const NodeSettings& settings, MapStore& maps, const SlamSystem& system, Worker& worker,
+                 std::function<RunSummary()> summary)
+    : output_dir_(settings.output_dir),
+      autosave_period_s_(settings.autosave_period_s),
+      maps_(maps),
+      system_(system),
+      worker_(worker),
+      summary_(std::move(summary)) {}
+
+void Results::add(const Output& output, bool is_frame) {
+  if (output_dir_.empty()) return;
+  if (is_frame) {
+    writer_.addFrame(output);
+  } else {
+    writer_.addGyro(output);
+  }
+}
+
+std::function<SavedMap()> Results::mapToKeep() const {
+  return maps_.keepsSaved() ? maps_.snapshot(system_.estimator(), maps_.savedPath()) : nullptr;
+}
+
+void Results::write(const RunWriter& writer, const RunSummary& summary,
+                    const std::vector<LandmarkEstimate>& landmarks) const {
+  writer.writeTrajectory(output_dir_);
+  RunWriter::writeMap(output_dir_, landmarks);
+  writer.writeSummary(output_dir_, summary, landmarks.size());
+}
+
+/// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
+void Results::autosaveIfDue() {
+  if (output_dir_.empty() || autosave_period_s_ == 0.0 || service_saves_) return;
+  if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+  // After a day the files are large: saving takes a tenth of the time at most.
+  if (secondsSince(last_autosave_) < std::max(autosave_period_s_, kAutosaveCost * autosave_cost_s_)) return;
+  last_autosave_ = WorkQueue::Clock::now();
+  autosave_ =
+      std::async(std::launch::async, [this, writer = writer_, summary = summary_(),
+                                      landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
+        const auto start = WorkQueue::Clock::now();
+        try {
+          write(writer, summary, landmarks);
+          if (map) maps_.write(map, maps_.savedPath());
+        } catch (const std::exception& e) {
+          ROS_ERROR_STREAM("not saved: " << e.what());
+        }
+        autosave_cost_s_ = secondsSince(start);
+      });
+}
+
+/// What `snapshot` returns writes, in this thread: neither the computing nor the disk keeps the worker
+/// waiting.
+Results::Answer Results::save(const Snapshot& snapshot) {
+  Answer answer;
+  try {
+    std::function<std::string()> write;
+    std::shared_future<void> autosave;
+    const bool done = worker_.run([&] {
+      write = snapshot();
+      autosave = autosave_;
+      service_saves_ = true;
+    });
+    if (done && autosave.valid()) autosave.wait(); // it writes the same files
+    answer.message = done ? write() : "nothing saved: the node is ending";
+    answer.success = done;
+  } catch (const std::exception& e) {
+    answer.message = e.what();
+  }
+  service_saves_ = false;
+  return answer;
+}
+
+Results::Answer Results::saveTrajectory() {
+  if (output_dir_.empty()) return {false, "nothing saved: set ~output_dir and restart"};
+  return save([this] {
+    return [this, writer = writer_] {
+      writer.writeTrajectory(output_dir_);
+      return "saved in " + output_dir_;
+    };
+  });
+}
+
+Results::Answer Results::saveMap(const std::string& file) {
+  if (file.empty() && output_dir_.empty())
+    return {false, "nothing saved: give a file, or set ~output_dir and restart"};
+  const std::string path = file.empty() ? maps_.savedPath() : file;
+  return save([this, path, in_output_dir = file.empty()] {
+    return [this, path, in_output_dir, joint_map = maps_.snapshot(system_.estimator(), path),
+            landmarks = system_.estimator().exactMap()]() mutable {
+      std::string also;
+      if (in_output_dir) {
+        RunWriter::writeMap(output_dir_, landmarks());
+        also = std::string(", but ") + RunWriter::kLandmarks + " in " + output_dir_;
+      }
+      landmarks = nullptr; // lets go of what would have to be copied for joint_map to change it
+      if (!joint_map)
+        throw std::runtime_error(
+            "no " + path + also +
+            ": the estimator keeps no joint covariance (yet), or is not relocalised in the "
+            "map that it would replace");
+      maps_.write(joint_map, path);
+      if (in_output_dir) maps_.askFor();
+      return "saved " + path;
+    };
+  });
+}
+
+void Results::saveAtTheEnd() {
+  if (autosave_.valid()) autosave_.wait();
+  if (output_dir_.empty()) return;
+  try {
+    write(writer_, summary_(), system_.estimator().landmarks());
+    // Takes longer: who ends the node may not wait for it.
+    RunWriter::writeMap(output_dir_, system_.estimator().exactLandmarks());
+    if (const auto map = mapToKeep()) maps_.write(map, maps_.savedPath());
+    ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << output_dir_);
+  } catch (const std::exception& e) {
+    ROS_ERROR_STREAM("not saved: " << e.what());
+  }
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,51 @@
+#include "vi_ekf_slam/ros/node/settings.hpp"
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+#include "vi_ekf_slam/core/run/run_writer.hpp"
+#include "vi_ekf_slam/ros/node/tuning.hpp"
+#include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
+
+namespace vi_ekf_slam {
+
+std::string absolutePath(const std::string& path) {
+  if (path.empty()) return path;
+  const char* home = std::getenv("HOME");
+  const bool from_home = home != nullptr && (path == "~" || path.rfind("~/", 0) == 0);
+  return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
+}
+
+NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
+  NodeSettings settings;
+  settings.source = "parameters of " + private_nh.getNamespace();
+  XmlRpc::XmlRpcValue tree;
+  std::string yaml;
+  if (private_nh.getParam(private_nh.getNamespace(), tree) &&
+      tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
+    // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
+    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                         "diagnostic_period", "tuning"});
+  }
+  settings.config = parseFullConfig(yaml, settings.source);
+  applyStored(private_nh, settings.config);
+  if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
+    throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
+  }
+  const double& period = settings.autosave_period_s;
+  if (private_nh.hasParam("autosave_period") &&
+      (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
+       period < 0.0 || period > 1e6)) {
+    throw ConfigError(settings.source +
+                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
+  }
+  settings.output_dir = absolutePath(settings.output_dir);
+  settings.maps = MapStore::readSettings(private_nh, settings.source,
+                                         {settings.output_dir, {}, false, settings.config.ros.map_frame});
+  settings.maps.map_file = absolutePath(settings.maps.map_file);
+  if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
+  return settings;
+}
+
+} // namespace vi_ekf_slam

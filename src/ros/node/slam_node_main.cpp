@@ -1,0 +1,67 @@
+/// The node: parameters, topics and services are described in SlamNode and the launch file.
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <ros/xmlrpc_manager.h>
+
+#include <csignal>
+#include <stdexcept>
+
+#include "vi_ekf_slam/core/run/memory.hpp"
+#include "vi_ekf_slam/ros/node/slam_node.hpp"
+
+namespace {
+
+constexpr double kSpinPeriod = 0.05; // s
+constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
+
+volatile std::sig_atomic_t g_stop = 0;
+
+void requestStop(int /*signal*/) { g_stop = 1; }
+
+/// `rosnode kill` and a second node of the same name.
+void requestStopByMaster(XmlRpc::XmlRpcValue& /*parameters*/, XmlRpc::XmlRpcValue& result) {
+  g_stop = 1;
+  result = ros::xmlrpc::responseInt(1, "", 0);
+}
+
+/// roscpp's own handlers drop the queued messages; ours let them be processed and saved first.
+void installStopHandlers() {
+  std::signal(SIGINT, requestStop);
+  std::signal(SIGTERM, requestStop);
+  std::signal(SIGHUP, requestStop); // the terminal was closed
+  ros::XMLRPCManager::instance()->unbind("shutdown");
+  ros::XMLRPCManager::instance()->bind("shutdown", requestStopByMaster);
+}
+
+void drain(ros::CallbackQueue& queue) {
+  const ros::WallTime start = ros::WallTime::now();
+  do {
+    queue.callAvailable(ros::WallDuration(kSpinPeriod));
+  } while (!queue.isEmpty() && (ros::WallTime::now() - start).toSec() < kDrainLimit);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  vi_ekf_slam::keepFreedMemory();
+  ros::init(argc, argv, "slam", ros::init_options::NoSigintHandler);
+  const ros::NodeHandle nh;
+  const ros::NodeHandle private_nh("~");
+  installStopHandlers();
+  try {
+    vi_ekf_slam::SlamNode node(nh, private_nh);
+    ros::CallbackQueue& queue = *ros::getGlobalCallbackQueue();
+    while (g_stop == 0 && ros::ok() && node.failure().empty()) {
+      queue.callAvailable(ros::WallDuration(kSpinPeriod));
+    }
+    if (ros::ok()) drain(queue);
+    node.finish();
+    if (!node.failure().empty()) throw std::runtime_error(node.failure());
+  } catch (const std::exception& e) {
+    ROS_FATAL_STREAM(e.what());
+    ros::shutdown();
+    return 1;
+  }
+  ros::shutdown();
+  return 0;
+}

@@ -1,0 +1,98 @@
+#include "vi_ekf_slam/ros/output/base_frame.hpp"
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+Matrix6d twice(const Eigen::Matrix3d& rotation) {
+  Matrix6d both = Matrix6d::Zero();
+  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = rotation;
+  return both;
+}
+
+/// Covariance (position, rotation, fixed axes) of a point that is fixed to a body at `arm` (fixed axes) from
+/// the point that `covariance` is of: dp' = dp + dtheta x arm.
+Matrix6d shifted(const Matrix6d& covariance, const Eigen::Vector3d& arm) {
+  Matrix6d J = Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = -so3::hat(arm);
+  return J * covariance * J.transpose();
+}
+
+Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
+
+} // namespace
+
+bool BaseFrame::update(const std::string& imu_frame) {
+  if (!name_.empty()) return true;
+  imu_frame_ = imu_frame;
+  if (imu_frame.empty()) return false;
+  const std::string& base = config_.base_frame.empty() ? imu_frame : config_.base_frame;
+  if (base != imu_frame) {
+    const auto base_T_imu = frames_.find(base, imu_frame);
+    if (!base_T_imu || !(base_T_imu->translation().norm() <= kVehicleSize)) return false;
+    base_T_imu_ = base_T_imu;
+  }
+  name_ = base;
+  return true;
+}
+
+bool BaseFrame::hasForeignParent() const { return !frames_.parentOf(name_).empty(); }
+
+std::string BaseFrame::problem() const {
+  if (imu_frame_.empty()) return {}; // no IMU message yet, which is said elsewhere
+  if (name_.empty())
+    return "no pose is published: no transform of at most 100 m connects base_frame '" + config_.base_frame +
+           "' to the IMU's frame '" + imu_frame_ + "'; publish it on /tf_static, as a robot description does";
+  const bool sends_base = config_.publish_tf && (config_.publish_odom_tf || config_.single_tf);
+  if (!sends_base || !hasForeignParent()) return {};
+  const std::string parent = frames_.parentOf(name_);
+  const std::string what =
+      "no transform is published, since somebody else publishes '" + parent + "' -> '" + name_ + "': ";
+  return what + (parent == config_.odom_frame
+                     ? "set ros/publish_odom_tf to false, if that is another odometry"
+                     : "set ros/base_frame to the root of the robot's frames, since a frame has one parent");
+  return {};
+}
+
+SE3 BaseFrame::pose(const SE3& world_T_imu) const {
+  if (!base_T_imu_) return world_T_imu;
+  return *base_T_imu_ * world_T_imu * base_T_imu_->inverse();
+}
+
+SE3 BaseFrame::imuPose(const SE3& map_T_base) const {
+  if (!base_T_imu_) return map_T_base;
+  return base_T_imu_->inverse() * map_T_base * *base_T_imu_;
+}
+
+StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
+  if (!base_T_imu_) return of_imu;
+  StateEstimate of_base = of_imu;
+  of_base.world_T_imu = pose(of_imu.world_T_imu);
+  const Eigen::Vector3d arm = of_imu.world_T_imu.rotation() * base_T_imu_->inverse().translation();
+  const Matrix6d turn = twice(base_T_imu_->rotation());
+  of_base.pose_covariance = symmetric(turn * shifted(of_imu.pose_covariance, arm) * turn.transpose());
+  const Matrix6d adjoint = base_T_imu_->adjoint(); // v_base = R (v + omega x arm)
+  of_base.twist = adjoint * of_imu.twist;
+  of_base.twist_covariance = symmetric(adjoint * of_imu.twist_covariance * adjoint.transpose());
+  return of_base;
+}
+
+Matrix6d BaseFrame::imuCovariance(const SE3& map_T_base, const Matrix6d& covariance) const {
+  if (!base_T_imu_) return covariance;
+  const Eigen::Vector3d arm = map_T_base.rotation() * base_T_imu_->translation();
+  const Matrix6d turn = twice(base_T_imu_->rotation().transpose());
+  return symmetric(turn * shifted(covariance, arm) * turn.transpose());
+}
+
+std::vector<LandmarkEstimate> BaseFrame::landmarks(std::vector<LandmarkEstimate> in_world) const {
+  if (!base_T_imu_) return in_world;
+  const Eigen::Matrix3d& R = base_T_imu_->rotation();
+  for (LandmarkEstimate& landmark : in_world) {
+    landmark.position = *base_T_imu_ * landmark.position;
+    landmark.covariance = R * landmark.covariance * R.transpose();
+  }
+  return in_world;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,108 @@
+#include "vi_ekf_slam/ros/output/map_messages.hpp"
+
+#include <sensor_msgs/point_cloud2_iterator.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr const char* kNamespace = "landmarks";
+
+visualization_msgs::Marker emptyMarker(const std::string& frame, Stamp stamp, int id) {
+  visualization_msgs::Marker marker;
+  marker.header.frame_id = frame;
+  marker.header.stamp = conversions::toTime(stamp);
+  marker.ns = kNamespace;
+  marker.id = id;
+  marker.pose.orientation.w = 1.0;
+  return marker;
+}
+
+/// Green (well known) to red.
+std_msgs::ColorRGBA colour(double sigma, double sigma_red) {
+  const auto share = static_cast<float>(std::clamp(sigma / sigma_red, 0.0, 1.0));
+  std_msgs::ColorRGBA c;
+  c.r = share;
+  c.g = 1.0F - share;
+  c.a = 1.0F;
+  return c;
+}
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
+  geometry_msgs::Point point;
+  point.x = p.x();
+  point.y = p.y();
+  point.z = p.z();
+  return point;
+}
+
+} // namespace
+
+double landmarkSigma(const LandmarkEstimate& landmark) {
+  return std::sqrt(std::max(0.0, landmark.covariance.trace() / 3.0));
+}
+
+visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
+                                          const MarkerStyle& style, std::size_t previous_markers) {
+  visualization_msgs::MarkerArray array;
+  for (std::size_t begin = 0; begin < landmarks.size(); begin += kMaxPointsPerMarker) {
+    auto marker = emptyMarker(style.frame, stamp, static_cast<int>(array.markers.size()));
+    marker.type = visualization_msgs::Marker::POINTS;
+    marker.action = visualization_msgs::Marker::ADD;
+    marker.scale.x = marker.scale.y = style.size_m;
+    marker.color.a = 1.0F;
+    const std::size_t end = std::min(landmarks.size(), begin + kMaxPointsPerMarker);
+    for (std::size_t i = begin; i < end; ++i) {
+      marker.points.push_back(toPoint(landmarks[i].position));
+      marker.colors.push_back(colour(landmarkSigma(landmarks[i]), style.sigma_red_m));
+    }
+    array.markers.push_back(std::move(marker));
+  }
+  for (std::size_t id = array.markers.size(); id < previous_markers; ++id) {
+    auto marker = emptyMarker(style.frame, stamp, static_cast<int>(id));
+    marker.action = visualization_msgs::Marker::DELETE;
+    array.markers.push_back(std::move(marker));
+  }
+  return array;
+}
+
+visualization_msgs::MarkerArray deleteAllMarkers(const std::string& frame) {
+  auto marker = emptyMarker(frame, 0, 0);
+  marker.action = visualization_msgs::Marker::DELETEALL;
+  visualization_msgs::MarkerArray array;
+  array.markers.push_back(marker);
+  return array;
+}
+
+sensor_msgs::PointCloud2 toCloud(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
+                                 const std::string& frame) {
+  using sensor_msgs::PointField;
+  sensor_msgs::PointCloud2 cloud;
+  cloud.header.frame_id = frame;
+  cloud.header.stamp = conversions::toTime(stamp);
+  cloud.height = 1;
+  sensor_msgs::PointCloud2Modifier modifier(cloud);
+  modifier.setPointCloud2Fields(6, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
+                                PointField::FLOAT32, "sigma", 1, PointField::FLOAT32, "id", 1,
+                                PointField::UINT32, "id_high", 1, PointField::UINT32);
+  modifier.resize(landmarks.size());
+  cloud.is_dense = true;
+  sensor_msgs::PointCloud2Iterator<float> xyz(cloud, "x"), sigma(cloud, "sigma");
+  sensor_msgs::PointCloud2Iterator<std::uint32_t> id(cloud, "id");
+  for (const LandmarkEstimate& landmark : landmarks) {
+    for (int axis = 0; axis < 3; ++axis) xyz[axis] = static_cast<float>(landmark.position[axis]);
+    *sigma = static_cast<float>(landmarkSigma(landmark));
+    id[0] = static_cast<std::uint32_t>(landmark.id);
+    id[1] = static_cast<std::uint32_t>(landmark.id >> 32U);
+    ++xyz;
+    ++sigma;
+    ++id;
+  }
+  return cloud;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,44 @@
+#include "vi_ekf_slam/ros/output/path_recorder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+
+PathRecorder::PathRecorder(std::string frame, std::size_t max_points, double min_distance_m)
+    : max_points_(max_points), configured_distance_(min_distance_m), min_distance_(min_distance_m) {
+  path_.header.frame_id = std::move(frame);
+}
+
+bool PathRecorder::add(Stamp stamp, const SE3& pose) {
+  geometry_msgs::PoseStamped point;
+  point.header.frame_id = path_.header.frame_id;
+  point.header.stamp = conversions::toTime(stamp);
+  point.pose = conversions::toPose(pose);
+  if (!path_.poses.empty()) {
+    const auto& last = path_.poses.back().pose.position;
+    const auto& next = point.pose.position;
+    if (std::hypot(next.x - last.x, next.y - last.y, next.z - last.z) < min_distance_) return false;
+  }
+  path_.poses.push_back(point);
+  path_.header.stamp = point.header.stamp;
+  if (path_.poses.size() > max_points_) thin();
+  return true;
+}
+
+void PathRecorder::thin() {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < path_.poses.size(); i += 2) path_.poses[kept++] = path_.poses[i];
+  path_.poses.resize(kept);
+  min_distance_ *= 2.0;
+}
+
+void PathRecorder::clear() {
+  path_.poses.clear();
+  min_distance_ = configured_distance_;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,65 @@
+#include "vi_ekf_slam/ros/output/transform_publisher.hpp"
+
+#include <vector>
+
+#include "vi_ekf_slam/ros/conversions.hpp"
+
+namespace vi_ekf_slam {
+
+using conversions::toTransform;
+
+TransformPublisher::TransformPublisher(const FrameTree& frames, const RosConfig& config,
+                                       double max_jump_back_s)
+    : config_(config), max_jump_back_s_(max_jump_back_s), foreign_(frames, config.odom_frame) {}
+
+bool TransformPublisher::followsForeignOdometry() const {
+  return config_.publish_tf && config_.publish_map_tf && !config_.publish_odom_tf && !config_.single_tf;
+}
+
+bool TransformPublisher::sends(const std::string& parent, const std::string& child,
+                               const BaseFrame& base) const {
+  if (!config_.publish_tf) return false;
+  if (config_.single_tf) return parent == config_.map_frame && child == base.name();
+  return (config_.publish_map_tf && parent == config_.map_frame && child == config_.odom_frame) ||
+         (config_.publish_odom_tf && parent == config_.odom_frame && child == base.name());
+}
+
+bool TransformPublisher::isNews(Stamp stamp) {
+  if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_back_s_) return false;
+  last_ = stamp;
+  return true;
+}
+
+void TransformPublisher::publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base,
+                                 const BaseFrame& base) {
+  if (!config_.publish_tf) return;
+  if (followsForeignOdometry()) {
+    foreign_.add(stamp, map_T_base);
+    noteTransforms(base);
+    return;
+  }
+  if (base.hasForeignParent() || !isNews(stamp)) return;
+  if (config_.single_tf) {
+    broadcaster_.sendTransform(toTransform(map_T_base, stamp, config_.map_frame, base.name()));
+    return;
+  }
+  std::vector<geometry_msgs::TransformStamped> transforms;
+  const Stamp later = stamp + fromSeconds(config_.transform_tolerance);
+  if (config_.publish_map_tf)
+    transforms.push_back(
+        toTransform(map_T_base * odom_T_base.inverse(), later, config_.map_frame, config_.odom_frame));
+  if (config_.publish_odom_tf)
+    transforms.push_back(toTransform(odom_T_base, stamp, config_.odom_frame, base.name()));
+  broadcaster_.sendTransform(transforms);
+}
+
+void TransformPublisher::noteTransforms(const BaseFrame& base) {
+  if (!followsForeignOdometry() || base.name().empty()) return;
+  const auto correction = foreign_.take(base.name());
+  if (!correction || !isNews(correction->stamp)) return;
+  const Stamp later = correction->stamp + fromSeconds(config_.transform_tolerance);
+  broadcaster_.sendTransform(
+      toTransform(correction->map_T_odom, later, config_.map_frame, config_.odom_frame));
+}
+
+} // namespace vi_ekf_slam
