@@ -55,7 +55,7 @@ ROWS = (
     Row("no plausible gate", (), {"studies": {"plausible_gate": NEVER}}),
     Row("no gate of the frame", (), {"invariant": {"frame_gate": NEVER}}),
     Row("no gate of the motion", (), {"studies": {"motion_gate": NEVER}}),
-    Row("no limit of the row offset", (), {"invariant": {"max_row_offset": NEVER}}),
+    Row("points start at their pixels", (), {"studies": {"unbiased_starts": False}}),
     Row("no standstill", (), {"invariant": {"standstill_px": 0.0}}),
     Row("no slip of the tracks", (), {"invariant": {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}}),
     Row("error of scale as a variable", (), {"invariant": {"scale_sigma": 0.02}}),

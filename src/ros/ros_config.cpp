@@ -23,7 +23,6 @@ RosConfig readRos(YamlSection section) {
   section.read("publish_odom_tf", c.publish_odom_tf);
   section.read("single_tf", c.single_tf);
   section.read("transform_tolerance", Range::closed(0.0, 10.0), c.transform_tolerance);
-  section.read("path_max_points", Range::closed(2.0, 1e6), c.path_max_points);
   section.read("path_period_s", Range::closed(0.0, 3600.0), c.path_period_s);
   section.read("max_bandwidth_bytes_s", Range::closed(1e3, 1e12), c.max_bandwidth_bytes_s);
   section.read("landmark_period_s", Range::closed(0.0, 3600.0), c.landmark_period_s);

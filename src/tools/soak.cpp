@@ -142,7 +142,7 @@ class Soak {
         system_({}),
         intake_(system_, config_, {}),
         sequencer_([this](const Output& output, bool is_frame) { publish(output, is_frame); }),
-        path_(config_.map_frame, config_.path_max_points) {
+        path_(config_.map_frame) {
     system_.onGyro([this](const Output& output) { sequencer_.addGyro(output); });
     system_.onFrame([this](const Output& output) {
       sequencer_.addFrame(output);

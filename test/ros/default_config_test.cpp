@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 namespace {
 
 const std::string kDefault = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/default.yaml";
-constexpr std::size_t kMostKeys = 43; // one page; a switch for studies alone belongs to the section `studies`
+constexpr std::size_t kMostKeys = 41; // one page; a switch for studies alone belongs to the section `studies`
 
 using Fields = std::map<std::string, std::string>;
 
@@ -39,7 +39,6 @@ Fields fieldsOf(const FullConfig& config) {
   add("invariant.gyro_sigma", c.motion.gyro_sigma);
   add("invariant.pixel_sigma", c.stereo.pixel_sigma);
   add("invariant.min_disparity", c.stereo.min_disparity);
-  add("invariant.max_row_offset", c.stereo.max_row_offset);
   add("invariant.max_depth_m", c.stereo.max_depth_m);
   add("invariant.consensus_px", c.update.consensus_px);
   add("invariant.gate", c.update.gate);
@@ -67,7 +66,6 @@ Fields fieldsOf(const FullConfig& config) {
   add("ros.publish_odom_tf", config.ros.publish_odom_tf);
   add("ros.single_tf", config.ros.single_tf);
   add("ros.transform_tolerance", config.ros.transform_tolerance);
-  add("ros.path_max_points", config.ros.path_max_points);
   add("ros.path_period_s", config.ros.path_period_s);
   add("ros.max_bandwidth_bytes_s", config.ros.max_bandwidth_bytes_s);
   add("ros.landmark_period_s", config.ros.landmark_period_s);

@@ -18,7 +18,6 @@ struct RosConfig {
   bool publish_odom_tf = true;              ///< odom -> base, dead reckoning; false: somebody else's on /tf
   bool single_tf = false;                   ///< map -> base directly instead of the two
   double transform_tolerance = 0.0;         ///< s that map -> odom is stamped later than its measurement
-  std::size_t path_max_points = 10000;      ///< a longer path is thinned to every second point
   double path_period_s = 0.5;               ///< s of sensor time between publications of a path
   double max_bandwidth_bytes_s = 1000000.0; ///< of each path and map topic; large ones are sent more rarely
   double landmark_period_s = 1.0; ///< s of sensor time between publications of the map; 0: every frame

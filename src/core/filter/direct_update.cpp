@@ -79,18 +79,14 @@ std::optional<DirectUpdate> DirectUpdate::make(const Innovation& in) {
 }
 
 DirectUpdate::DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::vector<Eigen::Index> rest)
-    : seen_(std::move(seen)),
-      rest_(std::move(rest)),
-      S_inverse_(in.rows(), in.rows()),
-      weighted_(in.PHt(rest_)) {
+    : seen_(std::move(seen)), rest_(std::move(rest)), S_inverse_(in.rows(), in.rows()) {
   S_inverse_.triangularView<Eigen::Lower>() = in.L();
   S_inverse_.triangularView<Eigen::StrictlyUpper>().setZero();
-  divideByLowerTransposed(weighted_, in.L());
-  gain_ = weighted_;
-  divideByLower(gain_, in.L());
-  // L^-1 is solved for from the right, like the gain: what is large and common to all rows of S is small in
-  // S^-1 then, and not rounded away.
+  // L^-1 is solved for from the right: what is large and common to all rows of S is small in S^-1 then, and
+  // not rounded away.
   invertLower(S_inverse_);
+  weighted_ = in.PHt(rest_) * S_inverse_.transpose().triangularView<Eigen::Upper>();
+  gain_ = weighted_ * S_inverse_.triangularView<Eigen::Lower>();
   squareLower(S_inverse_);
   mirrorLower(S_inverse_);
 }

@@ -29,19 +29,6 @@ void addLowerProduct(Eigen::Ref<Eigen::MatrixXd> C, const Eigen::Ref<const Eigen
   addLowerProduct(C.bottomRightCorner(rest, rest), A.rightCols(rest), B.rightCols(rest));
 }
 
-/// Of X = [X1 X2] and L = [L11 0; L21 L22] the second half first: X2 L22^-1, then (X1 - X2 L21) L11^-1.
-void divideByLower(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L) {
-  const Eigen::Index size = L.rows();
-  if (size <= kSolved) {
-    L.triangularView<Eigen::Lower>().solveInPlace<Eigen::OnTheRight>(X);
-    return;
-  }
-  const Eigen::Index top = halfOf(size), rest = size - top;
-  divideByLower(X.rightCols(rest), L.bottomRightCorner(rest, rest));
-  X.leftCols(top).noalias() -= X.rightCols(rest) * L.bottomLeftCorner(rest, top);
-  divideByLower(X.leftCols(top), L.topLeftCorner(top, top));
-}
-
 /// The first half first: X1 L11^-T, then (X2 - X1 L21^T) L22^-T.
 void divideByLowerTransposed(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L) {
   const Eigen::Index size = L.rows();

@@ -8,6 +8,9 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kMaxPixel = 1e6; // px; beyond it a coordinate is not one of an image
+// In units of the noise of one row, 4 standard deviations of the difference of two: one good feature in
+// 16,000 has more.
+constexpr double kSameRow = 5.66;
 
 Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3]), z[2]}; }
 
@@ -16,7 +19,7 @@ Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3
 bool StereoModel::isUsable(const StereoPixels& pixels) const {
   return pixels.allFinite() && pixels.cwiseAbs().maxCoeff() <= kMaxPixel &&
          pixels[0] - pixels[2] >= options_.min_disparity &&
-         std::abs(pixels[1] - pixels[3]) <= options_.max_row_offset;
+         std::abs(pixels[1] - pixels[3]) <= kSameRow * options_.pixel_sigma;
 }
 
 /// The flow by which a landmark tells the distance d is f(rho) d, weighed by f(rho): a point whose noise puts
@@ -57,7 +60,7 @@ std::optional<StereoModel::Triangulated> StereoModel::triangulate(const Filter& 
                                                                   const StereoPixels& measured) const {
   if (!(measured[0] > measured[2])) return std::nullopt;
   const StereoCamera camera = cameraOf(filter);
-  const StereoPixels pixels = withoutBias(measured);
+  const StereoPixels pixels = options_.unbiased_starts ? withoutBias(measured) : measured;
   const auto q = camera.triangulate(pixels);
   if (!q || q->z() < options_.min_depth_m || q->z() > options_.max_depth_m) return std::nullopt;
   const SE3 world_T_cam = camTWorld(filter).inverse();

@@ -46,7 +46,6 @@ void readMotion(YamlSection& section, ConstantTwist::Options& motion) {
 void readStereo(YamlSection& section, StereoModel::Options& stereo) {
   section.read("pixel_sigma", Range::positive(), stereo.pixel_sigma);
   section.read("min_disparity", Range::positive(), stereo.min_disparity);
-  section.read("max_row_offset", Range::positive(), stereo.max_row_offset);
   section.read("max_depth_m", Range::halfOpen(stereo.min_depth_m, 1e6), stereo.max_depth_m);
 }
 
@@ -82,6 +81,7 @@ void readMap(YamlSection section, InvariantConfig& invariant) {
 /// Parts of the invariant filter that a study may switch off to see what they bring; no vehicle asks for it.
 void readStudies(YamlSection section, InvariantConfig& invariant) {
   section.read("consensus", invariant.update.consensus);
+  section.read("unbiased_starts", invariant.stereo.unbiased_starts);
   section.read("plausible_gate", Range::positive(), invariant.update.plausible_gate);
   section.read("motion_gate", Range::positive(), invariant.update.motion_gate);
   section.read("divergence_jump_m", Range::closed(0.0, 1e6), invariant.recovery.jump_m);

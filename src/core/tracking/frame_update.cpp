@@ -18,6 +18,8 @@ Associations associate(const Filter& filter, const LandmarkMap& map, const Stere
   const auto landmark_of_id = map.indexById();
   std::vector<bool> seen(map.active().size(), false);
   Associations result;
+  result.known.reserve(usable.size());
+  result.measurements.reserve(usable.size());
   for (const std::size_t feature : usable) {
     const StereoFeatureObservation& f = frame.features[feature];
     const auto known = landmark_of_id.find(f.id);

@@ -6,7 +6,7 @@ namespace vi_ekf_slam {
 
 PathPublisher::PathPublisher(ros::NodeHandle& nh, const std::string& topic, const RosConfig& config,
                              std::atomic<bool>& listener_came)
-    : path_(config.map_frame, config.path_max_points),
+    : path_(config.map_frame),
       pacer_(config.path_period_s, config.max_bandwidth_bytes_s),
       publisher_(advertiseLatched<nav_msgs::Path>(nh, topic, listener_came)) {}
 

@@ -40,10 +40,8 @@ TEST_P(Triangular, InverseTimesTheMatrixIsTheIdentity) {
 TEST_P(Triangular, QuotientTimesTheMatrixIsTheDividend) {
   Random random(4);
   const Eigen::MatrixXd L = lowerOf(random, GetParam()), X = randomMatrix(random, 20, GetParam());
-  Eigen::MatrixXd Y = X, Z = X;
-  divideByLower(Y, L);
+  Eigen::MatrixXd Z = X;
   divideByLowerTransposed(Z, L);
-  EXPECT_LT(distance(Y * belowOf(L), X), 1e-12 * (1.0 + X.norm()));
   EXPECT_LT(distance(Z * belowOf(L).transpose(), X), 1e-12 * (1.0 + X.norm()));
 }
 

@@ -16,10 +16,7 @@ inline void addLowerSquare(Eigen::Ref<Eigen::MatrixXd> C, const Eigen::Ref<const
   addLowerProduct(C, A, A);
 }
 
-/// X <- X L^-1 for a lower triangular L.
-void divideByLower(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L);
-
-/// X <- X L^-T.
+/// X <- X L^-T for a lower triangular L.
 void divideByLowerTransposed(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& L);
 
 /// L <- L^-1 for a lower triangular matrix. Above the diagonal nothing is read or written.

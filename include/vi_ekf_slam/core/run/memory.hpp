@@ -14,6 +14,7 @@ inline void keepFreedMemory() {
   constexpr int kLargest = 1 << 28; // bytes
   mallopt(M_MMAP_THRESHOLD, kLargest);
   mallopt(M_TRIM_THRESHOLD, kLargest);
+  mallopt(M_MXFAST, 0); // else small chunks wait to be merged, all of them whenever a large one is freed
 #endif
 }
 

@@ -14,8 +14,8 @@ namespace vi_ekf_slam {
 class PathRecorder {
  public:
   /// `frame`: the path's header.frame_id; `min_distance_m` in m: more points than a decimetre's a screen does
-  /// not show.
-  PathRecorder(std::string frame, std::size_t max_points, double min_distance_m = 0.1);
+  /// not show, nor more than `max_points`.
+  explicit PathRecorder(std::string frame, std::size_t max_points = 10000, double min_distance_m = 0.1);
 
   /// Whether the pose became a point.
   bool add(Stamp stamp, const SE3& pose);
