@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <unordered_map>
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/four_by_three.hpp"
@@ -88,8 +87,13 @@ DirectUpdate::DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::ve
   weighted_ = in.PHt(rest_) * S_inverse_.transpose().triangularView<Eigen::Upper>();
   gain_ = weighted_ * S_inverse_.triangularView<Eigen::Lower>();
   squareLower(S_inverse_);
-  mirrorLower(S_inverse_);
+  for (Eigen::Index row = 0; row < in.rows(); row += 3) {
+    auto own = S_inverse_.block<3, 3>(row, row);
+    own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
+  }
 }
+
+Eigen::MatrixXd DirectUpdate::inverseS() const { return S_inverse_.selfadjointView<Eigen::Lower>(); }
 
 /// `cross` is K R J^-T.
 DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P,
@@ -110,16 +114,19 @@ DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::Matri
 
 void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
                            const std::vector<Variables::Reexpressed>& points) const {
-  std::unordered_map<Eigen::Index, const Eigen::Matrix3d*> M;
-  for (const auto& point : points) M.emplace(point.row, &point.M);
+  std::vector<const Eigen::Matrix3d*> M(static_cast<std::size_t>(P.rows()), nullptr); // by row
+  for (const auto& point : points) M[static_cast<std::size_t>(point.row)] = &point.M;
   std::vector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
+  A.reserve(seen_.size());
+  weighted_A.reserve(seen_.size());
   for (const Seen& seen : seen_) {
     weighted_A.push_back(seen.J_inverse.transpose());
-    const auto moved = M.find(seen.row);
-    if (moved != M.end()) weighted_A.back() *= moved->second->transpose();
+    const Eigen::Matrix3d* moved = M[static_cast<std::size_t>(seen.row)];
+    if (moved) weighted_A.back() *= moved->transpose();
     A.push_back(seen.noise * weighted_A.back());
   }
   std::vector<FourByThree> A_transposed;
+  A_transposed.reserve(seen_.size());
   for (const Eigen::Matrix3d& a : A) A_transposed.emplace_back(a.transpose());
   const auto [own, cross] = correctRest(P, A);
   const auto rest = static_cast<Eigen::Index>(rest_.size());
@@ -164,8 +171,8 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
   // From y + G c to y.
   for (const Seen& seen : seen_) {
     for (const LinearMeasurement::Term& other : seen.others) {
-      const auto moved = M.find(seen.row);
-      const SmallMatrix G = moved == M.end() ? other.H : SmallMatrix(*moved->second * other.H);
+      const Eigen::Matrix3d* moved = M[static_cast<std::size_t>(seen.row)];
+      const SmallMatrix G = moved ? SmallMatrix(*moved * other.H) : other.H;
       P.middleCols<3>(seen.row).noalias() -= P.middleCols(other.column, G.cols()) * G.transpose();
       P.middleRows<3>(seen.row).noalias() -= G * P.middleRows(other.column, G.cols());
     }

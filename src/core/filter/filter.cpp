@@ -226,7 +226,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
   Eigen::MatrixXd root;
   if (direct) {
     if (!direct->isFinite()) return false;
-    inactive_.correct(in, direct->inverseS());
+    if (!inactive_.isEmpty()) inactive_.correct(in, direct->inverseS());
   } else {
     root = in.PHt();
     divideByLowerTransposed(root, in.L());

@@ -99,6 +99,8 @@ double Innovation::nisOf(std::size_t i) const {
 void Innovation::putFirst(const std::vector<bool>& chosen) {
   std::vector<LinearMeasurement> ordered;
   std::vector<Eigen::Index> from; // rows of S, in their new order
+  ordered.reserve(chosen.size());
+  from.reserve(column_.size());
   for (const bool first : {true, false}) {
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       if (chosen[i] != first) continue;
@@ -140,27 +142,26 @@ bool Innovation::factorise() {
   variance_ = S_.diagonal();
   auto S = S_.topLeftCorner(r, r);
   if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(S).info() != Eigen::Success) return false; // in its place
-  solve();
+  white_ = residual();
+  L().triangularView<Eigen::Lower>().solveInPlace(white_);
   if (waiting > 0) {
     auto behind = S_.block(r, 0, waiting, r);
     divideByLowerTransposed(behind, L());
     S_.block(r, r, waiting, waiting).triangularView<Eigen::Lower>() -= behind * behind.transpose();
-    Eigen::VectorXd known = residual();
-    L().triangularView<Eigen::Lower>().solveInPlace(known);
-    residual_.tail(waiting).noalias() -= behind * known;
+    residual_.tail(waiting).noalias() -= behind * white_;
   }
-  return nis_ >= 0.0 && error_.allFinite();
+  return solve();
 }
 
-void Innovation::solve() {
-  Eigen::VectorXd weighted = residual();
-  L().triangularView<Eigen::Lower>().solveInPlace(weighted);
-  nis_ = weighted.squaredNorm();
+bool Innovation::solve() {
+  nis_ = white_.squaredNorm();
+  Eigen::VectorXd weighted = white_;
   L().transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
   Eigen::VectorXd scattered = Eigen::VectorXd::Zero(PHt_.cols());
   for (Eigen::Index row = 0; row < rows(); ++row)
     scattered[column_[static_cast<std::size_t>(row)]] = weighted[row];
   error_.noalias() = PHt_ * scattered;
+  return nis_ >= 0.0 && error_.allFinite();
 }
 
 Eigen::MatrixXd Innovation::PHt() const {
@@ -191,6 +192,9 @@ bool Innovation::accept(const std::vector<bool>& passes) {
     if (waiting != used_) measurements_[used_] = std::move(measurements_[waiting]);
     ++used_;
   }
+  Eigen::VectorXd given_others(static_cast<Eigen::Index>(from.size()));
+  for (std::size_t i = 0; i < from.size(); ++i)
+    given_others[static_cast<Eigen::Index>(i)] = residual_[from[i]];
   drop();
   if (from.empty()) return true;
   const auto added = static_cast<Eigen::Index>(from.size());
@@ -205,8 +209,10 @@ bool Innovation::accept(const std::vector<bool>& passes) {
   Eigen::Ref<Eigen::MatrixXd> own = S.rightCols(added);
   if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(own).info() != Eigen::Success) return false;
   S_.block(begin, 0, added, begin + added) = S;
-  solve();
-  return nis_ >= 0.0 && error_.allFinite();
+  own.triangularView<Eigen::Lower>().solveInPlace(given_others);
+  white_.conservativeResize(begin + added);
+  white_.tail(added) = given_others;
+  return solve();
 }
 
 } // namespace vi_ekf_slam

@@ -39,12 +39,14 @@ void StandstillDetector::addGyro(Stamp stamp, const Eigen::Vector3d& rate, const
 void StandstillDetector::addFrame(const StereoFrame& frame) {
   if (!last_.empty() && secondsBetween(last_stamp_, frame.stamp) < kFlowTime) return;
   std::vector<double> motions;
-  std::unordered_map<FeatureId, StereoPixels> now;
-  for (const StereoFeatureObservation& feature : frame.features) {
-    if (!feature.pixels.allFinite()) continue;
-    now[feature.id] = feature.pixels;
-    const auto before = last_.find(feature.id);
-    if (before != last_.end()) motions.push_back((feature.pixels - before->second).head<2>().norm());
+  std::vector<StereoFeatureObservation> now = frame.features;
+  const auto byId = [](const auto& a, const auto& b) { return a.id < b.id; };
+  std::sort(now.begin(), now.end(), byId);
+  for (const StereoFeatureObservation& feature : now) {
+    const auto before = std::lower_bound(last_.begin(), last_.end(), feature, byId);
+    if (before == last_.end() || before->id != feature.id) continue;
+    const double motion = (feature.pixels - before->pixels).head<2>().norm();
+    if (std::isfinite(motion)) motions.push_back(motion);
   }
   last_.swap(now);
   last_stamp_ = frame.stamp;

@@ -23,7 +23,7 @@ std::vector<bool> largestConsensus(const Innovation& in, double threshold,
     rest.tail(behind).noalias() -= in.S().block(row + 3, row, behind, 3) * weighted;
     // S holds the noise on its diagonal, a residual does not.
     rest.segment<3>(row) = in.measurements()[static_cast<std::size_t>(h)].noise() * weighted;
-    rest = rest.cwiseAbs2().eval();
+    rest = rest.cwiseAbs2(); // entry by entry
     const Eigen::Map<const Eigen::Matrix3Xd> uvu(rest.data(), 3, size);
     left.col(h) = uvu.row(0) + 2.0 * uvu.row(1) + uvu.row(2); // v stands for both rows
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "vi_ekf_slam/core/tracking/consensus.hpp"
 
@@ -15,16 +16,20 @@ constexpr double kLeastShare = 0.1;
 
 Associations associate(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
                        const StereoFrame& frame, const std::vector<std::size_t>& usable) {
-  const auto landmark_of_id = map.indexById();
+  std::vector<std::pair<FeatureId, std::size_t>> landmark_of_id;
+  landmark_of_id.reserve(map.active().size());
+  for (std::size_t i = 0; i < map.active().size(); ++i) landmark_of_id.emplace_back(map.active()[i].id, i);
+  std::sort(landmark_of_id.begin(), landmark_of_id.end());
   std::vector<bool> seen(map.active().size(), false);
   Associations result;
   result.known.reserve(usable.size());
   result.measurements.reserve(usable.size());
   for (const std::size_t feature : usable) {
     const StereoFeatureObservation& f = frame.features[feature];
-    const auto known = landmark_of_id.find(f.id);
+    const auto known =
+        std::lower_bound(landmark_of_id.begin(), landmark_of_id.end(), std::make_pair(f.id, std::size_t{0}));
     std::optional<LinearMeasurement> measurement;
-    if (known != landmark_of_id.end() && !seen[known->second])
+    if (known != landmark_of_id.end() && known->first == f.id && !seen[known->second])
       measurement = model.observe(filter, map.active()[known->second].variable, f.pixels);
     if (measurement) {
       seen[known->second] = true;

@@ -25,7 +25,7 @@ class DirectUpdate {
   static std::optional<DirectUpdate> make(const Innovation& in);
 
   bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
-  const Eigen::MatrixXd& inverseS() const { return S_inverse_; }
+  Eigen::MatrixXd inverseS() const;
 
   /// P <- T (P - K S K^T) T^T, where T re-expresses points.
   void correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) const;
@@ -47,7 +47,7 @@ class DirectUpdate {
 
   std::vector<Seen> seen_;
   std::vector<Eigen::Index> rest_; ///< rows
-  Eigen::MatrixXd S_inverse_;
+  Eigen::MatrixXd S_inverse_; ///< lower triangle, by blocks
   Eigen::MatrixXd weighted_; ///< of the rest: P H^T L^-T
   Eigen::MatrixXd gain_;     ///< of the rest: P H^T S^-1
 };

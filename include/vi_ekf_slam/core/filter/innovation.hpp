@@ -57,13 +57,14 @@ class Innovation {
 
  private:
   void stack();
-  void solve();
+  bool solve();
 
   std::vector<LinearMeasurement> measurements_;
   std::size_t used_ = 0;                     ///< the first so many take part
   std::vector<Eigen::Index> first_, column_; ///< column: of each row in PHt, which nothing is moved in
-  Eigen::VectorXd residual_, error_,
-      variance_;            ///< residual: of those that wait, once factorised, given the others
+  Eigen::VectorXd residual_;                 ///< of those that wait, once factorised, given the others
+  Eigen::VectorXd white_;                    ///< L^-1 residual
+  Eigen::VectorXd error_, variance_;
   Eigen::MatrixXd PHt_, S_; ///< of S the lower triangle, by blocks
   double nis_ = 0.0;
 };

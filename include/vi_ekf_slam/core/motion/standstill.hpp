@@ -1,7 +1,7 @@
 #pragma once
 
 #include <deque>
-#include <unordered_map>
+#include <vector>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 
@@ -51,7 +51,7 @@ class StandstillDetector {
   std::deque<Sample> velocities_, rates_;
   Eigen::Vector3d bias_variance_ = Eigen::Vector3d::Zero(); ///< of the gyro
   std::deque<Flow> flows_; ///< of frames that share enough tracks with the one before
-  std::unordered_map<FeatureId, StereoPixels> last_;
+  std::vector<StereoFeatureObservation> last_; ///< by id
   Stamp last_stamp_ = 0;
 };
 
