@@ -14,14 +14,17 @@ void CompressedCore::open(const Eigen::Vector3d& position, const Eigen::Ref<cons
   psi_.setZero(size_);
 }
 
-void CompressedCore::correct(const LinearMeasurement& z, const Eigen::MatrixXd& PHt, const SmallMatrix& L) {
-  Eigen::MatrixXd weighted = Eigen::MatrixXd::Zero(z.rows(), size_); // H Phi, L^-1 H Phi, then S^-1 H Phi
-  z.addProduct(Phi_, weighted);
-  L.triangularView<Eigen::Lower>().solveInPlace(weighted);
-  Omega_.noalias() += weighted.transpose() * weighted;
-  L.transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
-  psi_.noalias() += weighted.transpose() * z.residual();
-  Phi_.noalias() -= PHt * weighted;
+void CompressedCore::correct(const LinearMeasurement& z, const SmallMatrix& L_inverse,
+                             const SmallVector& white, const Eigen::MatrixXd& A) {
+  Eigen::MatrixXd HPhi_t = Eigen::MatrixXd::Zero(size_, z.rows());
+  for (const LinearMeasurement::Term& term : z) {
+    const auto rows = Phi_.middleRows(term.column, term.H.cols());
+    HPhi_t.noalias() += rows.transpose().lazyProduct(term.H.transpose());
+  }
+  const Eigen::MatrixXd B = HPhi_t.lazyProduct(L_inverse.transpose());
+  Omega_.noalias() += B.lazyProduct(B.transpose());
+  psi_.noalias() += B.lazyProduct(white);
+  Phi_.noalias() -= A.lazyProduct(B.transpose());
 }
 
 /// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of

@@ -15,8 +15,8 @@ bool isValid(const Filter& filter, bool thoroughly) {
   const auto P = filter.covariance();
   const auto core = P.topLeftCorner(c, c);
   const SE3& pose = filter.pose();
-  if (!pose.rotation().allFinite() || !pose.translation().allFinite() || !core.allFinite() ||
-      !P.diagonal().allFinite() || !(P.diagonal().array() >= 0.0).all())
+  if (!pose.rotation().allFinite() || !pose.translation().allFinite() || !core.diagonal().allFinite() ||
+      !(core.diagonal().array() >= 0.0).all())
     return false;
   for (const Handle handle : filter.variables().handles()) {
     if (filter.rowOf(handle) >= c) break;
@@ -24,6 +24,7 @@ bool isValid(const Filter& filter, bool thoroughly) {
       return false;
   }
   if (!thoroughly) return true;
+  if (!P.diagonal().allFinite() || !(P.diagonal().array() >= 0.0).all()) return false;
   const Eigen::VectorXd scale =
       core.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
   Eigen::MatrixXd correlation = scale.asDiagonal() * core * scale.asDiagonal();

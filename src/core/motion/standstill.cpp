@@ -45,8 +45,8 @@ void StandstillDetector::addFrame(const StereoFrame& frame) {
   for (const StereoFeatureObservation& feature : now) {
     const auto before = std::lower_bound(last_.begin(), last_.end(), feature, byId);
     if (before == last_.end() || before->id != feature.id) continue;
-    const double motion = (feature.pixels - before->pixels).head<2>().norm();
-    if (std::isfinite(motion)) motions.push_back(motion);
+    const StereoPixels motion = feature.pixels - before->pixels;
+    if (motion.allFinite()) motions.push_back(motion.head<2>().norm());
   }
   last_.swap(now);
   last_stamp_ = frame.stamp;

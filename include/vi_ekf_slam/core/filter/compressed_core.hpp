@@ -26,10 +26,11 @@ class CompressedCore {
 
   /// The core's errors move: the rows from `row` on become F (k x w) times the rows [row, row + w).
   void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
-    Phi_.middleRows(row, F.rows()) = (F * Phi_.middleRows(row, F.cols())).eval();
+    Phi_.middleRows(row, F.rows()) = F.lazyProduct(Phi_.middleRows(row, F.cols())).eval();
   }
-  /// They are corrected by a measurement: P H^T (c x r) and the factor L of S.
-  void correct(const LinearMeasurement& z, const Eigen::MatrixXd& PHt, const SmallMatrix& L);
+  /// They are corrected by a measurement with S = L L^T: L^-1, L^-1 residual, and A = P H^T L^-T (c x r).
+  void correct(const LinearMeasurement& z, const SmallMatrix& L_inverse, const SmallVector& white,
+               const Eigen::MatrixXd& A);
 
   const Eigen::MatrixXd& Phi() const { return Phi_; }
   Eigen::MatrixXd& Phi() { return Phi_; }

@@ -4,8 +4,8 @@
 
 namespace vi_ekf_slam {
 
-/// Whether all means and variances of the filter's core are finite, no variance is negative, and,
-/// `thoroughly`, its covariance is positive semidefinite.
+/// Whether all means and variances of the filter's core are finite and no variance is negative; `thoroughly`,
+/// whether its covariance is positive semidefinite and every other variance is one too.
 bool isValid(const Filter& filter, bool thoroughly);
 
 } // namespace vi_ekf_slam
