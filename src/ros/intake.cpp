@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/ros/intake.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "vi_ekf_slam/ros/feature_screen.hpp"
@@ -9,13 +10,35 @@ namespace vi_ekf_slam {
 
 using conversions::Rejection;
 
+namespace {
+
+constexpr std::size_t index(Stream stream) { return static_cast<std::size_t>(stream); }
+
+} // namespace
+
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
     : system_(system),
+      topics_(topics),
       imu_frame_(config.imu_frame),
       rig_(topics.left_info, topics.right_info),
       max_features_(config.max_features),
       feature_limit_(config.max_features) {
   rig_.setImuFrame(imu_frame_);
+}
+
+std::uint64_t Intake::received() const {
+  return std::accumulate(received_.begin(), received_.end(), std::uint64_t{0});
+}
+
+std::string Intake::missingInputs() const {
+  std::string missing;
+  const auto require = [&](Stream stream, const std::string& topic) {
+    if (received_[index(stream)] == 0) missing += (missing.empty() ? "" : ", ") + topic;
+  };
+  require(Stream::kGyro, topics_.imu);
+  require(Stream::kVelocity, topics_.velocity);
+  if (system_.needsRig()) require(Stream::kStereo, topics_.features);
+  return missing;
 }
 
 void Intake::learnImuFrame(const std::string& frame_id) {
@@ -38,7 +61,7 @@ void Intake::offerRig() {
 }
 
 void Intake::add(const sensor_msgs::Imu& message) {
-  ++received_;
+  ++received_[index(Stream::kGyro)];
   auto converted = conversions::toGyro(message, imu_frame_);
   if (!converted.sample) return turnAway("imu", converted.rejection);
   learnImuFrame(message.header.frame_id); // of the first one that can be used
@@ -46,7 +69,7 @@ void Intake::add(const sensor_msgs::Imu& message) {
 }
 
 void Intake::add(const geometry_msgs::TwistWithCovarianceStamped& message) {
-  ++received_;
+  ++received_[index(Stream::kVelocity)];
   auto converted = conversions::toVelocity(message, imu_frame_);
   if (!converted.sample) return turnAway("velocity", converted.rejection);
   learnImuFrame(message.header.frame_id);
@@ -60,7 +83,7 @@ void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& messa
 }
 
 void Intake::add(const StereoFeatureArray& message) {
-  ++received_;
+  ++received_[index(Stream::kStereo)];
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
   turnAway("features: repeated id", converted.repeated_ids);

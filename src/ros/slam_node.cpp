@@ -181,13 +181,17 @@ void SlamNode::checkHealth() {
 
 void SlamNode::warn() {
   std::string warning;
+  if (const std::string missing = intake_.missingInputs(); !missing.empty()) {
+    warning = "no message yet on " + missing;
+  }
   if (intake_.received() == 0) {
-    warning = "no message yet on " + nh_.resolveName("imu") + ", " + nh_.resolveName("velocity") + " or " +
-              nh_.resolveName("features");
+    // what calibration lacks is not the point yet
   } else if (system_.needsRig() && !system_.hasRig()) {
-    warning = "features are not used, dead reckoning only: " + intake_.rigAssembler().problem();
+    warning += (warning.empty() ? "" : "; ") + std::string("features are not used, dead reckoning only: ") +
+               intake_.rigAssembler().problem();
   } else if (intake_.rigAssembler().changedLater()) {
-    warning = "camera_info has changed; the first calibration stays in use until a restart";
+    warning += (warning.empty() ? "" : "; ") +
+               std::string("camera_info has changed; the first calibration stays in use until a restart");
   }
   const auto turned_away = diagnostics_.allTurnedAway();
   if (turned_away != warned_turned_away_) {
@@ -230,6 +234,10 @@ void SlamNode::finish() {
       publishers_.publishAll();
     }
     if (settings_.output_dir.empty()) return;
+    if (intake_.received() == 0) { // leaves what an earlier run has saved there
+      ROS_WARN_STREAM("no measurement has come: nothing is saved");
+      return;
+    }
     save(writer_, settings_.output_dir, summary(), system_.estimator().landmarks());
     // Takes longer: who ends the node may not wait for it.
     RunWriter::writeMap(settings_.output_dir, system_.estimator().exactLandmarks());
@@ -237,6 +245,8 @@ void SlamNode::finish() {
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << settings_.output_dir);
   } catch (const std::exception& e) {
     ROS_ERROR_STREAM("not saved: " << e.what());
+    const std::lock_guard<std::mutex> lock(failure_mutex_);
+    failure_ = std::string("not saved: ") + e.what();
   }
 }
 

@@ -6,6 +6,7 @@ namespace vi_ekf_slam {
 
 const char* const kRunBagHelp =
     R"(Usage: run_bag IN.bag --output DIR [options]
+       run_bag --check [IN.bag] [--config FILE] [--load-map FILE]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
 needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
@@ -23,11 +24,14 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
                        always comes from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
   --load-map FILE      a map.bag to relocalise in, by ids that return
+  --check              only looks whether these files can be used, and prints the configuration's absolute path
   --quiet              errors only
   --help               this text
 
-Exit code: 0 all went well; 1 the command line, the configuration or the output is not usable; 2 the bag is not
-usable, or only in part (what could be computed is written).
+Exit code: 0 all went well; 1 the command line, the configuration or the output is not usable; 2 the bag or the map
+is not usable, or the bag only in part: it cannot be read to its end, or an input that the estimator needs is not in it
+(IMU and velocity; features, both camera_infos and the transform too, unless the configuration is one of dead
+reckoning). What could be computed is written then.
 )";
 
 namespace {
@@ -75,6 +79,8 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
       options.quiet = true;
     } else if (argument == "--save-map") {
       options.save_map = true;
+    } else if (argument == "--check") {
+      options.check = true;
     } else if (option != valued.end() && equals != std::string::npos) {
       *option->second = argument.substr(equals + 1);
     } else if (option != valued.end()) {
@@ -88,7 +94,7 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
       options.bag = argument;
     }
   }
-  if (!options.help) requireAll(options);
+  if (!options.help && !options.check) requireAll(options);
   makeAbsolute(options.topics, prefix);
   return options;
 }

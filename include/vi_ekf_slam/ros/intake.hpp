@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -42,7 +43,10 @@ class Intake {
   /// Empty until the first message said it, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
-  std::uint64_t received() const { return received_; }
+  std::uint64_t received() const;
+  /// Topics of required inputs (imu, velocity and, where the estimator uses them, features) from which no message has
+  /// come, with commas; empty: there is none.
+  std::string missingInputs() const;
   /// Messages (and repeated ids) turned away, by "input: reason".
   const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }
   /// Features taken that have no depth.
@@ -59,9 +63,10 @@ class Intake {
   void offerRig();
 
   SlamSystem& system_;
+  InputTopics topics_;
   std::string imu_frame_;
   RigAssembler rig_;
-  std::uint64_t received_ = 0;
+  std::array<std::uint64_t, kStreamCount> received_{};
   std::map<std::string, std::uint64_t> turned_away_;
   std::uint64_t without_disparity_ = 0;
   std::size_t max_features_;
