@@ -2,29 +2,17 @@
 """A bag through slam.launch and through run_bag gives the same files."""
 
 import os
-import shutil
-import socket
 import subprocess
 import sys
-import tempfile
-import unittest
 
 import rospkg
 import rostest
 import yaml
 
 import drive_data
+from launch_runner import LIMIT, PACKAGE, LaunchRunner
 
-PACKAGE = "vi_ekf_slam"
 SAME_FILES = ("trajectory.tum", "dead_reckoning.tum", "covariance.csv", "landmarks.csv")
-# s; playing takes 6 s / rate.
-LIMIT = 60.0
-
-
-def _free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def _read(*path):
@@ -32,34 +20,19 @@ def _read(*path):
         return file.read()
 
 
-class Playback(unittest.TestCase):
+class Playback(LaunchRunner):
     """Runs both programs on the same generated bag."""
 
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vi_ekf_slam_playback_")
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-        self.bag = os.path.join(self.folder, "drive.bag")
-        self.config = os.path.join(os.path.dirname(os.path.abspath(__file__)), "test_config.yaml")
-        drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
-
-    def run_bag(self, config=None, name="run_bag"):
-        """Folder of run_bag's results, made anew; what it said is in self.said."""
+    def run_bag(self, config=None, name="run_bag", status=0):
+        """Folder of run_bag's results, made anew; what it said is in self.said. `status`: what it ends with."""
         output = os.path.join(self.folder, name)
         config = self.config if config is None else config
-        self.said = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
-                                   + (["--config", config] if config else []),
-                                   check=True, timeout=LIMIT, stdout=subprocess.PIPE).stdout.decode()
-        return output
-
-    def launch(self, *arguments):
-        """Runs slam.launch with a master of its own; returns its log."""
-        port = _free_port()
-        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:%d" % port)
-        launch_file = os.path.join(rospkg.RosPack().get_path(PACKAGE), "launch", "slam.launch")
-        command = ["roslaunch", "-p", str(port), launch_file, "bag:=" + self.bag, "config:=" + self.config, "rate:=4"]
-        done = subprocess.run(command + list(arguments), env=environment, timeout=LIMIT, check=False,
+        done = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
+                              + (["--config", config] if config else []), check=False, timeout=LIMIT,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        return done.stdout.decode(errors="replace")
+        self.said = done.stdout.decode()
+        self.assertEqual(status, done.returncode, self.said)
+        return output
 
     def check_equal(self, expected, actual, log):
         """The same text in all result files, and a frame for each that was recorded."""
@@ -72,21 +45,23 @@ class Playback(unittest.TestCase):
     def test_node_and_nodelet_compute_what_run_bag_computes(self):
         """Byte for byte; the default folder of a bag's results is beside it."""
         expected = self.run_bag()
-        log = self.launch()
+        log = self.play()
         self.check_equal(expected, os.path.join(self.folder, "drive_slam"), log)
         noise = [line for line in self.said.splitlines() if line.startswith("noise: ")]
         self.assertEqual(3, len(noise), self.said)
         for line in noise:
             self.assertEqual(1, log.count(line), log)
         nodelet = os.path.join(self.folder, "nodelet")
-        log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
+        log = self.play("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
 
     def test_a_bag_without_features_ends_too(self):
         """Dead reckoning is saved, the same as run_bag's; the player's clock, which runs on, keeps nothing alive."""
         drive_data.write_bag(self.bag, [m for m in drive_data.drive(calibrated=False) if m[0] != "features"])
-        expected = self.run_bag()
-        log = self.launch()
+        expected = self.run_bag(status=2)
+        self.assertIn("no message on /features", self.said)
+        log = self.play()
+        self.assertIn("no message yet on /features", log)
         for name in SAME_FILES:
             self.assertEqual(_read(expected, name), _read(self.folder, "drive_slam", name), log)
         self.assertEqual(61, len(_read(expected, "trajectory.tum").splitlines()))
