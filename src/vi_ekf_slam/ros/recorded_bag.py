@@ -36,7 +36,7 @@ class RecordedBag:
     def _read(self, bag, node, start, duration):
         recorders = {}  # {topic: names of the nodes that sent it}
         for connection in bag._get_connections():
-            recorders.setdefault(connection.topic, set()).add(connection.header.get("callerid"))
+            recorders.setdefault(connection.topic, set()).add(connection.header.get("callerid", b"").decode(errors="replace"))
         measurements = [rospy.resolve_name(name) for name in MEASUREMENTS]
         if not any(topic in recorders for topic in measurements):
             raise PlayError("%s: none of %s is in it; it has %s" %
