@@ -66,6 +66,28 @@ class Playback(LaunchRunner):
             self.assertEqual(_read(expected, name), _read(self.folder, "drive_slam", name), log)
         self.assertEqual(61, len(_read(expected, "trajectory.tum").splitlines()))
 
+    def test_inputs_that_never_come_are_errors_of_run_bag(self):
+        """Each by its name; the rest is computed. Dead reckoning needs no features."""
+        for name in ("imu", "velocity", "features"):
+            output = os.path.join(self.folder, "without_" + name)
+            done = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output, "--quiet",
+                                   "--%s=/foo" % name], check=False, timeout=LIMIT, stderr=subprocess.PIPE)
+            said = done.stderr.decode()
+            self.assertEqual((2, 1), (done.returncode, len(said.splitlines())), said)
+            self.assertIn("no message on /foo, which", said)
+            self.assertTrue(os.path.isfile(os.path.join(output, "summary.yaml")))
+        config = os.path.join(rospkg.RosPack().get_path(PACKAGE), "config", "dead_reckoning.yaml")
+        drive_data.write_bag(self.bag, [m for m in drive_data.drive(calibrated=False) if m[0] != "features"])
+        self.run_bag(config)
+
+    def test_poses_before_a_reset_are_named(self):
+        """By run_bag, and in the summary."""
+        drive_data.write_bag(self.bag, drive_data.drive(2.0) + drive_data.drive(1.0, start=2000.0))
+        output = self.run_bag()
+        self.assertIn("21 poses from before are in %s/before_reset_1\n" % output, self.said)
+        self.assertEqual([21], yaml.safe_load(_read(output, "summary.yaml"))["poses_before_resets"])
+        self.assertEqual(21, len(_read(output, "before_reset_1", "trajectory.tum").splitlines()))
+
     def test_run_bag_without_a_configuration_takes_the_default_one(self):
         """Which is built in; its summary says so, and which noise it took from where."""
         default = os.path.join(rospkg.RosPack().get_path(PACKAGE), "config", "default.yaml")
