@@ -94,7 +94,8 @@ std::shared_ptr<const SavedMap> MapStore::readOrSetAside() const {
 
 void MapStore::begin(SlamSystem& system) {
   const auto saved = settings_.resume ? readOrSetAside() : nullptr;
-  const auto map = saved || settings_.map_file.empty() ? saved : load(); // may throw: before anything is moved
+  const auto map =
+      saved || settings_.map_file.empty() ? saved : load(); // may throw: before anything is moved
   if (settings_.resume) moveEarlierResults(settings_.output_dir);
   if (saved) {
     resume(system, saved);

@@ -18,7 +18,8 @@ std::function<SavedMap()> SlamNode::mapToKeep() const {
 
 bool SlamNode::isAutosaveDue() const {
   const double period = settings_.autosave_period_s;
-  if (settings_.output_dir.empty() || period == 0.0 || service_saves_ || intake_.received() == 0) return false;
+  if (settings_.output_dir.empty() || period == 0.0 || service_saves_ || intake_.received() == 0)
+    return false;
   if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
     return false;
   // After a day the files are large: saving takes a tenth of the time at most.

@@ -19,8 +19,8 @@ std::string absolutePath(const std::string& path) {
   return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
 }
 
-/// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to start; a
-/// misspelled one of ours is seen.
+/// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to
+/// start; a misspelled one of ours is seen.
 void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> names) {
   // config_file is slam.launch's, diagnostic_period diagnostic_updater's, tuning dynamic_reconfigure's.
   for (const char* known : {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,

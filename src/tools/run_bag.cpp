@@ -52,8 +52,8 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
   if (c.resets > 0) std::cout << c.resets << " resets (time jumped back)\n";
   const auto earlier = writer.earlierSizes();
   for (std::size_t i = 0; i < earlier.size(); ++i) {
-    std::cout << earlier[i] << " poses from before are in " << options.output << "/" << RunWriter::kBeforeReset << i + 1
-              << "\n";
+    std::cout << earlier[i] << " poses from before are in " << options.output << "/"
+              << RunWriter::kBeforeReset << i + 1 << "\n";
   }
   std::printf("%.1f s of sensor time in %.2f s\n", writer.sensorSeconds(), summary.wall_s);
   std::cout << "results in " << options.output << std::endl;
@@ -68,10 +68,7 @@ int check(const RunBagOptions& options) {
   SlamSystem system(configurationOf(options).core);
   if (!options.load_map.empty())
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
-  if (!options.bag.empty()) {
-    rosbag::Bag bag;
-    openCheckedBag(bag, options.bag);
-  }
+  if (!options.bag.empty()) BagReader{options.bag};
   if (!options.config.empty()) std::cout << std::filesystem::absolute(options.config).string() << std::endl;
   return kOk;
 }
@@ -113,6 +110,7 @@ int run(const RunBagOptions& options) {
     });
     if (g_stop != 0) problem = "interrupted; what was computed so far is written";
   } catch (const BagError& e) {
+    if (intake.received() == 0) throw; // nothing to write
     problem = e.what();
   }
   system.flush();

@@ -44,8 +44,8 @@ class Intake {
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
   std::uint64_t received() const;
-  /// Topics of required inputs (imu, velocity and, where the estimator uses them, features) from which no message has
-  /// come, with commas; empty: there is none.
+  /// Topics of required inputs (imu, velocity and, where the estimator uses them, features) from which no
+  /// message has come, with commas; empty: there is none.
   std::string missingInputs() const;
   /// Messages (and repeated ids) turned away, by "input: reason".
   const std::map<std::string, std::uint64_t>& turnedAway() const { return turned_away_; }

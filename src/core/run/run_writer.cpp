@@ -233,7 +233,8 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   std::ostringstream text;
   text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
        << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
-       << "\nposes_before_resets: " << list(earlierSizes()) << "\nframes: " << (hasFrames() ? size() : 0) << "\nlandmarks: " << landmarks
+       << "\nposes_before_resets: " << list(earlierSizes()) << "\nframes: " << (hasFrames() ? size() : 0)
+       << "\nlandmarks: " << landmarks
        << format("\nwall_s: %.3f\nsensor_s: %.3f\ntimes_real_time: %.2f\n", summary.wall_s, sensor_s,
                  summary.wall_s > 0.0 ? sensor_s / summary.wall_s : 0.0)
        << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid

@@ -62,8 +62,8 @@ class RunWriter {
 
   /// Creates `directory` and its parents, as the writing functions do.
   static void makeDirectory(const std::string& directory);
-  /// Throws unless `directory` is there or can be made, which a long run wants to know early; makes none, so that
-  /// a run without results leaves no folder.
+  /// Throws unless `directory` is there or can be made, which a long run wants to know early; makes none, so
+  /// that a run without results leaves no folder.
   static void requireDirectory(const std::string& directory);
   void writeTrajectory(const std::string& directory) const;
   static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
