@@ -71,8 +71,8 @@ def pictures_of_comparison(results):
 
 def save_pictures(pictures, folder):
     """Write (name, Figure) as folder/evaluation_NAME.png and .svg; yields the paths without suffix."""
-    from vi_ekf_slam.evaluation import top_view
     for name, figure in pictures:
+        from vi_ekf_slam.evaluation import top_view
         for path in _paths(folder, name):
             check_output(path)
             with replacing(path) as stream:

@@ -222,6 +222,16 @@ def test_refusals_are_one_line(script, full_run, bag, tmp_path):
     assert not (full_run / "evaluation.json").exists()
 
 
+def test_without_matplotlib_there_are_numbers(script, full_run, bag, tmp_path, monkeypatch):
+    (tmp_path / "hidden").mkdir()
+    (tmp_path / "hidden" / "matplotlib.py").write_text("raise ModuleNotFoundError('none', name='matplotlib')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "hidden"), prepend=os.pathsep)
+    done = script("evaluate.py", full_run, "--bag", bag)
+    assert done.returncode == 2 and "python3-matplotlib" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert numbers(full_run)["slam"]["matched"] == 8
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
+
+
 def test_covariances_are_read_in_their_order(full_run):
     row = [str(v) for v in range(21)]
     (full_run / "covariance.csv").write_text("stamp," + ",".join(COVARIANCE_COLUMNS) + "\n1.0," + ",".join(row) + "\n")
