@@ -2,17 +2,20 @@
 
 import os
 import signal
+import socket
 import time
 import xmlrpc.client
 
 import rospy
 
 LIMIT_S = 60.0  # of wall time, within which roslaunch ends its nodes
+ANSWER_LIMIT_S = 5.0  # of wall time; the parameter may name one whose machine is gone
 
 
 def end_own_launch():
     """Ends it as Control-C does, so that it calls no node dead; does nothing where it did not start this process."""
     parent = os.getppid()
+    socket.setdefaulttimeout(ANSWER_LIMIT_S)
     for uri in rospy.get_param("/roslaunch/uris", {}).values():
         try:
             is_ours = xmlrpc.client.ServerProxy(uri).get_pid()[2] == parent
