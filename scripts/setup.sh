@@ -11,7 +11,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 read -r -a cmake_options <<<"${CMAKE_OPTIONS:-}"
 packages=(
   build-essential catkin catkin-lint clang clang-format cmake
-  libbenchmark-dev libbz2-dev libclang-rt-14-dev libdiagnostic-updater-dev
+  libbenchmark-dev libboost-program-options-dev libbz2-dev libclang-rt-14-dev libdiagnostic-updater-dev
   libdynamic-reconfigure-config-init-mutex-dev libeigen3-dev libgl1-mesa-dri libgtest-dev libnodelet-dev
   libnodeletlib-dev libnodeletlib-tools librosbag-dev librosbag-storage-dev libroslz4-dev librostest-dev
   libtf2-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
