@@ -19,7 +19,7 @@ build_targets() {
   if [ ! -f "$folder/Makefile" ] && [ ! -f "$folder/build.ninja" ]; then
     cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
       -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="-O1 -g1 -fno-omit-frame-pointer" \
-      -Dvi_ekf_slam_FUZZ=ON -Dvi_ekf_slam_WERROR=OFF
+      -Dvi_ekf_slam_FUZZ=ON "${unity_build[@]}"
   fi
   cmake --build "$folder" -j"${JOBS:-$(nproc)}" --target "${@/%/_fuzzer}"
 }
