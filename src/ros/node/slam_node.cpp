@@ -34,7 +34,7 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
         publishers_.publish(output, is_frame, intake_.imuFrame());
         diagnostics_.noteOutput(output, is_frame);
       }),
-      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s, intake_.frames(),
+      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
                   [this] { return system_.estimator().landmarks(); }),
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
       worker_({settings_.config.ros.max_latency_s, 3 * kInputQueue}),

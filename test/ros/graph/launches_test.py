@@ -76,7 +76,7 @@ class Launches(LaunchRunner):
         """What the bag needed is gone, and what somebody left below the name too."""
         rospy.set_param("/slam/left_behind", 1)
         self.play_here()
-        self.assertEqual(10.0, rospy.get_param("/slam/buffer/max_delay_s"))
+        self.assertEqual({"max_delay_s": 10.0, "max_jump_s": 60.0}, rospy.get_param("/slam/buffer"))
         process = self.start("config:=" + self.config)
         self.wait(lambda: self.runs("/slam"), process)
         self.assertFalse(rospy.get_param("/use_sim_time"))
