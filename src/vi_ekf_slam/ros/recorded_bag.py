@@ -47,10 +47,11 @@ class RecordedBag:
             topic for topic, callers in recorders.items()
             if topic in inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
         self.unheard = [topic for topic in self.played if topic not in inputs]
-        begin, length = bag.get_start_time() + start, bag.get_end_time() - bag.get_start_time()
-        if start > length:
-            raise PlayError("~start is %g s; %s has %g s" % (start, self.path, length))
-        self.end = rospy.Time.from_sec(min(begin + duration, bag.get_end_time()) if duration else bag.get_end_time())
+        first, last = _span(bag)
+        begin = first + start
+        if begin > last:
+            raise PlayError("~start is %g s; %s has %g s" % (start, self.path, last - first))
+        self.end = rospy.Time.from_sec(min(begin + duration, last) if duration else last)
         self.goal = self._last_stamp(bag, rospy.resolve_name("features"), begin)
         self.imu_frame = next((message.header.frame_id for _, message, _ in
                                bag.read_messages([rospy.resolve_name("imu")])), None)
@@ -58,6 +59,13 @@ class RecordedBag:
     def _last_stamp(self, bag, topic, begin):
         since = rospy.Time.from_sec(max(begin, self.end.to_sec() - LAST_S))
         return max((message.header.stamp for _, message, _ in bag.read_messages([topic], since, self.end)), default=None)
+
+
+def _span(bag):
+    """Times (s) of the first and the last message; rosbag's are those of the first and last chunk, wrong once one appends."""
+    if not bag._chunks:
+        return bag.get_start_time(), bag.get_end_time()
+    return (min(chunk.start_time.to_sec() for chunk in bag._chunks), max(chunk.end_time.to_sec() for chunk in bag._chunks))
 
 
 def find_bag(path):
