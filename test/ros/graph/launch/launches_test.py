@@ -156,12 +156,13 @@ class Launches(LaunchRunner):
             self.assertGreater(len(file.readlines()), 10)  # features were used
 
     def test_frames_are_arguments(self):
-        """They take the place of the configuration's; those that are not given leave it alone."""
+        """They take the place of the configuration's; what is not given is left alone."""
         process = self.start("config:=" + self.config, "base_frame:=cart", "odom_frame:=drift", "map_frame:=town",
                              "publish_map_tf:=false", "publish_odom_tf:=false", "transform_tolerance:=0.5")
         self.wait(lambda: self.runs("/slam"), process)
-        self.assertEqual({"base_frame": "cart", "odom_frame": "drift", "map_frame": "town", "publish_map_tf": False,
-                          "publish_odom_tf": False, "transform_tolerance": 0.5}, rospy.get_param("/slam/ros"))
+        self.assertEqual({"landmark_period_s": 0.5, "base_frame": "cart", "odom_frame": "drift", "map_frame": "town",
+                          "publish_map_tf": False, "publish_odom_tf": False, "transform_tolerance": 0.5},
+                         rospy.get_param("/slam/ros"))
         self.stop(process)
 
     def robots_bag(self, transforms):
@@ -192,7 +193,7 @@ class Launches(LaunchRunner):
         for listener in listeners:
             listener.unregister()
         self.assertEqual([], heard["/slam/private"] + heard["/moved/odometry"] + heard["/initialpose"], said)
-        self.assertEqual(61, len(heard["/robot/odometry"]))
+        self.assertEqual(61, len(heard["/robot/odometry"]), said)
         stamps = {}
         for sent in (t for message in heard["/tf"] for t in message.transforms):
             stamps.setdefault(sent.child_frame_id, []).append(sent.header.stamp)
@@ -213,7 +214,7 @@ class Launches(LaunchRunner):
         """The base's transform is the node's too; the correction of another localisation stays."""
         base = TFMessage([drive_data.base_extrinsic(rospy.Time(1000))])
         self.robots_bag([("map", "odom"), ("odom", "base_link"), ("base_link", "wheel")])
-        with rosbag.Bag(self.bag, "a") as bag:
+        with rosbag.Bag(self.bag, "a") as bag:  # whose last chunk is not the latest then
             bag.write("/tf_static", base, rospy.Time(1000))
         heard, stamps = self.play_and_listen("base_frame:=base_link", "publish_map_tf:=false")
         self.assertEqual({"base_link"}, {m.child_frame_id for m in heard["/dead_reckoning/odometry"]})
