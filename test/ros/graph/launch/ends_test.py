@@ -3,7 +3,6 @@
 
 import os
 import sys
-import time
 
 import rostest
 
@@ -57,22 +56,22 @@ class Ends(LaunchRunner):
     def test_a_killed_launch_leaves_no_player(self):
         """Not even kill -9 of the node that started it."""
         process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
-        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for line in processes_with(self.bag))))
-        for name in filter(str.isdigit, os.listdir("/proc")):
-            with open("/proc/%s/cmdline" % name, encoding="utf-8", errors="replace") as file:
-                line = file.read()
-            if "play_bag.py" in line and os.path.exists("/proc/%s" % name) and self.is_child(name, process.pid):
-                os.kill(int(name), 9)
+        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+        for pid, _ in processes_with("play_bag.py"):
+            if self.is_child(pid, process.pid):
+                os.kill(pid, 9)
         said = self.finish(process)
         self.assertIn("REQUIRED process [play_bag", said)
-        time.sleep(0.2)
-        self.assertEqual([], processes_with(self.folder))
+        self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))
 
     @staticmethod
-    def is_child(name, parent):
-        """Whether the process is one of `parent`."""
-        with open("/proc/%s/stat" % name, encoding="ascii", errors="replace") as file:
-            return int(file.read().rsplit(")", 1)[1].split()[1]) == parent
+    def is_child(pid, parent):
+        """Whether the process is one of `parent`; one that has ended meanwhile is not."""
+        try:
+            with open("/proc/%d/stat" % pid, encoding="ascii", errors="replace") as file:
+                return int(file.read().rsplit(")", 1)[1].split()[1]) == parent
+        except OSError:
+            return False
 
 
 if __name__ == "__main__":

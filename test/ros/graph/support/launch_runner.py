@@ -24,7 +24,7 @@ def free_port():
 
 
 def processes_with(word):
-    """Command lines of the processes that were started with it."""
+    """[(id, command line)] of the processes that were started with it."""
     found = []
     for process in filter(str.isdigit, os.listdir("/proc")):
         try:
@@ -33,7 +33,7 @@ def processes_with(word):
         except OSError:  # it has ended meanwhile
             continue
         if word in line:
-            found.append(line)
+            found.append((int(process), line))
     return found
 
 
