@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Runs the fuzz targets (libFuzzer, AddressSanitizer, UBSan), SECONDS each: scripts/fuzz.sh [SECONDS [TARGET ...]]
+# For the night: scripts/test.sh only replays the corpus (fuzz_*_test), and builds none of the targets.
 # Targets: estimator, config, messages, bag, map (default: all, 60 s each). What they find new stays in build/fuzz/found/TARGET and is
 # taken up again by the next run; an input that breaks something goes to build/fuzz/crash-* and makes the exit code 1.
-# RUNS=N ends a target after N inputs instead, the same ones each time (seed 1).
 
 set -euo pipefail
 exec </dev/null
@@ -19,7 +19,7 @@ build_targets() {
   if [ ! -f "$folder/Makefile" ] && [ ! -f "$folder/build.ninja" ]; then
     cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
       -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="-O1 -g1 -fno-omit-frame-pointer" \
-      -Dvi_ekf_slam_FUZZ=ON -Dvi_ekf_slam_WERROR=OFF
+      -Dvi_ekf_slam_FUZZ=ON "${unity_build[@]}"
   fi
   cmake --build "$folder" -j"${JOBS:-$(nproc)}" --target "${@/%/_fuzzer}"
 }
@@ -42,14 +42,8 @@ status=0
 for name in "$@"; do
   found="$folder/found/$name"
   options=(-max_len=40000 -timeout=20 -rss_limit_mb=1024 -malloc_limit_mb=256 -print_final_stats=1
-    -artifact_prefix="$folder/crash-$name-")
+    -artifact_prefix="$folder/crash-$name-" -max_total_time="$seconds")
   [ ! -f "$root/test/fuzz/$name.dict" ] || options+=(-dict="$root/test/fuzz/$name.dict")
-  if [ -n "${RUNS:-}" ]; then
-    found="$(mktemp -d "$folder/found.XXXXXX")"  # not what earlier runs found: the same inputs each time
-    options+=(-runs="$RUNS" -seed=1)
-  else
-    options+=(-max_total_time="$seconds")
-  fi
   mkdir -p "$found"
   say "fuzzing $name"
   # A sourced setup.bash would give it the libraries of another build.
@@ -63,6 +57,5 @@ for name in "$@"; do
     printf '%s: BROKEN, see %s\n' "$name" "$folder/$name.log"
     grep -E '^broken: |ERROR: |runtime error: |SUMMARY: |Test unit written' "$folder/$name.log" | head -n 10 || true
   fi
-  [ -z "${RUNS:-}" ] || rm -r "$found"
 done
 exit "$status"

@@ -33,7 +33,7 @@ build_gtests() {
   if [ ! -f "$folder/Makefile" ] && [ ! -f "$folder/build.ninja" ]; then
     cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
       -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="$common ${flags[$kind]}" \
-      -Dvi_ekf_slam_AVX2=ON -Dvi_ekf_slam_WERROR=OFF
+      -Dvi_ekf_slam_AVX=ON "${unity_build[@]}"
   fi
   mapfile -t tests < <(gtests_of "$folder")
   [ "${#tests[@]}" -gt 0 ] || fail "$folder has no gtests: is libgtest-dev installed?"

@@ -2,18 +2,19 @@
 # Installs what is missing (Debian 12) or uses the ROS that is there (Noetic), then builds into build/ and links the
 # programs into bin/, where rosrun looks.
 # Does nothing where all is in place. Afterwards: source build/devel/setup.bash
-# JOBS=N limits the build to N jobs (default: all cores).
+# JOBS=N limits the build to N jobs (default: all cores). CMAKE_OPTIONS="-D..." are given to CMake where it configures.
 
 set -euo pipefail
 # shellcheck source=scripts/environment.sh
 source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 
+read -r -a cmake_options <<<"${CMAKE_OPTIONS:-}"
 packages=(
   build-essential catkin catkin-lint clang clang-format cmake
-  libbenchmark-dev libbz2-dev libclang-rt-14-dev libdiagnostic-updater-dev
+  libbenchmark-dev libboost-program-options-dev libbz2-dev libclang-rt-14-dev libdiagnostic-updater-dev
   libdynamic-reconfigure-config-init-mutex-dev libeigen3-dev libgl1-mesa-dri libgtest-dev libnodelet-dev
   libnodeletlib-dev libnodeletlib-tools librosbag-dev librosbag-storage-dev libroslz4-dev librostest-dev
-  libtf2-dev libtf2-eigen-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
+  libtf2-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
   python3-diagnostic-msgs python3-dynamic-reconfigure python3-geometry-msgs python3-matplotlib python3-nav-msgs
   python3-numpy python3-pil python3-pytest python3-python-qt-binding python3-rosbag python3-roslaunch python3-rosnode python3-rosparam
   python3-rospy python3-rosservice python3-rostest python3-rostopic python3-rviz python3-scipy
@@ -74,7 +75,7 @@ build_package() {
   if [ ! -f "$build/Makefile" ] && [ ! -f "$build/build.ninja" ]; then
     say "configuring $build"
     quietly cmake -S "$root" -B "$build" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
-      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX2=ON -Dvi_ekf_slam_AVX512=ON
+      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX=ON "${unity_build[@]}" "${cmake_options[@]}"
   fi
   say "building (nothing to do where all is up to date)"
   quietly cmake --build "$build" -j"${JOBS:-$(nproc)}"

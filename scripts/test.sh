@@ -19,19 +19,16 @@ source_unset "$build/devel/setup.bash"
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# Beside the tests with a master, and with less right to the cores, since those have times to keep. In three, so that no
+# Beside the tests with a master, and with less right to the cores, since those have times to keep. In two, so that no
 # core waits for the other at the end.
 say "running the Python tests in the background"
 python_tests() {
   nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
 }
 studies="$root/test/python/studies"
-fuzz="$root/test/python/package/test_fuzz.py"
-python_tests fuzz "$fuzz" &
-jobs=($!)
 python_tests studies "$studies" &
-jobs+=($!)
-python_tests python "$root/test/python" --ignore="$studies" --ignore="$fuzz" &
+jobs=($!)
+python_tests python "$root/test/python" --ignore="$studies" &
 jobs+=($!)
 say "running gtests and rostests"
 if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
@@ -42,7 +39,7 @@ EOF
 fi
 for job in "${jobs[@]}"; do wait "$job" || status=1; done
 say "Python tests"
-cat "$build/python.log" "$build/studies.log" "$build/fuzz.log"
+cat "$build/python.log" "$build/studies.log"
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
@@ -11,6 +12,8 @@ namespace vi_ekf_slam {
 using conversions::Rejection;
 
 namespace {
+
+constexpr std::size_t index(Stream stream) { return static_cast<std::size_t>(stream); }
 
 constexpr std::size_t kMostReports =
     20; // frames; what writes another name each time is not to fill the memory
@@ -26,6 +29,7 @@ void fillUnsaidAxes(Eigen::Matrix3d& covariance, double sigma) {
 
 Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& topics)
     : system_(system),
+      topics_(topics),
       imu_frame_(config.imu_frame),
       rig_(frames_, topics.left_info, topics.right_info),
       velocities_(frames_, config),
@@ -33,6 +37,21 @@ Intake::Intake(SlamSystem& system, const RosConfig& config, const InputTopics& t
       feature_limit_(config.max_features) {
   rig_.setImuFrame(imu_frame_);
   velocities_.setImuFrame(imu_frame_);
+}
+
+std::uint64_t Intake::received() const {
+  return std::accumulate(counts_.received.begin(), counts_.received.end(), std::uint64_t{0});
+}
+
+std::string Intake::missingInputs() const {
+  std::string missing;
+  const auto require = [&](Stream stream, const std::string& topic) {
+    if (counts_.received[index(stream)] == 0) missing += (missing.empty() ? "" : ", ") + topic;
+  };
+  require(Stream::kGyro, topics_.imu);
+  require(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
+  if (system_.needsRig()) require(Stream::kStereo, topics_.features);
+  return missing;
 }
 
 void Intake::learnImuFrame(const std::string& frame_id) {
@@ -95,7 +114,7 @@ void Intake::release(bool at_once) {
 void Intake::flush() { release(true); }
 
 void Intake::add(const sensor_msgs::Imu& message) {
-  ++counts_.received;
+  ++counts_.received[index(Stream::kGyro)];
   auto converted = conversions::toGyro(message, imu_frame_);
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
@@ -119,7 +138,7 @@ void Intake::add(const nav_msgs::Odometry& message) {
 }
 
 void Intake::addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id) {
-  ++counts_.received;
+  ++counts_.received[index(Stream::kVelocity)];
   if (!converted.sample) return turnAway("velocity", converted.rejection);
   if (converted.sample->covariance)
     fillUnsaidAxes(*converted.sample->covariance, system_.config().invariant.motion.velocity_sigma);
@@ -133,7 +152,7 @@ void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& messa
 }
 
 void Intake::add(const StereoFeatureArray& message) {
-  ++counts_.received;
+  ++counts_.received[index(Stream::kStereo)];
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
   turnAway("features: repeated id", converted.repeated_ids);

@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 #include <rosbag/bag.h>
-#include <rosbag/view.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -14,8 +13,8 @@
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
-#include "vi_ekf_slam/ros/bag_structure.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
+#include "vi_ekf_slam/ros/input/bag_reader.hpp"
 #include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
@@ -146,32 +145,33 @@ class Reader {
 };
 
 template <typename Message>
-Message messageOf(const std::string& path, const rosbag::MessageInstance& instance) {
-  if (instance.getMD5Sum() == kFormat1) {
+Message messageOf(const std::string& path, const BagMessage& message) {
+  const BagConnection& connection = message.connection;
+  if (connection.md5 == kFormat1) {
     throw MapError(path + ": written by an older version (format 1), allowed: format " +
                    std::to_string(MapState::VERSION) + "; save it anew");
   }
-  if (!instance.isType<Message>()) {
-    refuse(path, "topic " + instance.getTopic(),
-           "of type " + instance.getDataType() + " (" + instance.getMD5Sum() + ")",
+  if (connection.md5 != ros::message_traits::md5sum<Message>()) {
+    refuse(path, "topic " + connection.topic, "of type " + connection.type + " (" + connection.md5 + ")",
            std::string("the type ") + ros::message_traits::datatype<Message>() + " (" +
                ros::message_traits::md5sum<Message>() + ") that this program was built with");
   }
-  return wire::read<Message>(instance);
+  return wire::read<Message>(message);
 }
 
 SavedMap read(const std::string& path) {
-  rosbag::Bag bag;
-  openCheckedBag(bag, path);
-  rosbag::View states(bag, rosbag::TopicQuery(kStateTopic)),
-      landmarks(bag, rosbag::TopicQuery(kLandmarksTopic));
+  BagReader bag(path);
+  if (const std::size_t states = bag.count(kStateTopic); states != 1)
+    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states) + " messages", "one");
   Reader reader(path, std::filesystem::file_size(path));
-  if (states.size() != 1)
-    refuse(path, "topic " + std::string(kStateTopic), "of " + std::to_string(states.size()) + " messages",
-           "one");
-  reader.read(messageOf<MapState>(path, *states.begin()));
-  for (const rosbag::MessageInstance& instance : landmarks)
-    reader.read(messageOf<MapLandmark>(path, instance));
+  const auto readAll = [&](const char* topic, auto type) {
+    bag.forEach({topic}, [&](const BagMessage& message, double /*done*/) {
+      reader.read(messageOf<decltype(type)>(path, message));
+      return true;
+    });
+  };
+  readAll(kStateTopic, MapState());
+  readAll(kLandmarksTopic, MapLandmark());
   return reader.finish();
 }
 
@@ -198,7 +198,7 @@ SavedMap readMapFile(const std::string& path) {
     throw;
   } catch (const BagError& e) {
     throw MapError(e.what());
-  } catch (const std::exception& e) { // a damaged file can make rosbag throw more than BagException
+  } catch (const std::exception& e) { // bytes that are no such message
     throw MapError(path + ": is not a map that can be read: " + e.what());
   }
 }

@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
+#include <set>
+
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
@@ -43,6 +45,12 @@ RosConfig readRos(YamlSection section) {
 
 RosConfig parseRosConfig(const std::string& yaml, const std::string& source) {
   return readRos(YamlSection::root(yaml, source).section(kRosSection));
+}
+
+bool isConfigurationKey(const std::string& name) {
+  static const std::set<std::string> keys = {"estimator", "buffer",  "invariant", "map",
+                                             "paper",     "studies", kRosSection};
+  return keys.count(name) > 0;
 }
 
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {

@@ -1,8 +1,8 @@
 #include "bag_input.hpp"
 
+#include <cstdint>
 #include <map>
 #include <set>
-#include <vector>
 
 #include "vi_ekf_slam/ros/wire_check.hpp"
 
@@ -27,12 +27,10 @@ std::map<std::string, std::string> expectedTypes(const InputTopics& t) {
           {"/tf_static", typeOf<tf2_msgs::TFMessage>()}};
 }
 
-std::string listOf(const rosbag::View& view) {
+std::string listOf(const std::map<std::uint32_t, BagConnection>& connections) {
   std::set<std::string> lines;
-  // getConnections is not const in rosbag, though it changes nothing.
-  for (const auto* c : const_cast<rosbag::View&>(view).getConnections()) {
-    lines.insert("\n  " + c->topic + " (" + c->datatype + ")");
-  }
+  for (const auto& [id, connection] : connections)
+    lines.insert("\n  " + connection.topic + " (" + connection.type + ")");
   if (lines.empty()) return " nothing";
   std::string text;
   for (const auto& line : lines) text += line;
@@ -41,43 +39,29 @@ std::string listOf(const rosbag::View& view) {
 
 /// Calls `use` with the message, or throws if the bag's definition of the type is another one.
 template <typename Message, typename Use>
-void instantiate(const rosbag::MessageInstance& instance, const Use& use) {
-  use(wire::read<Message>(instance));
+void instantiate(const BagMessage& message, const Use& use) {
+  use(wire::read<Message>(message));
 }
 
 } // namespace
 
-BagInput::BagInput(const std::string& path, const InputTopics& topics) : path_(path), topics_(topics) {
-  openCheckedBag(bag_, path);
-  std::vector<std::string> names;
-  for (const auto& expected : expectedTypes(topics_)) names.push_back(expected.first);
-  try {
-    checkTopics();
-    view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(names));
-  } catch (const BagError&) {
-    throw;
-  } catch (const std::exception& e) {
-    throw BagError(path_ + ": is not a bag that can be read: " + e.what());
-  }
-}
-
-void BagInput::checkTopics() {
+BagInput::BagInput(const std::string& path, const InputTopics& topics)
+    : path_(path), topics_(topics), bag_(path) {
   const auto expected = expectedTypes(topics_);
-  rosbag::View all(bag_);
   bool usable = false;
-  for (const auto* connection : all.getConnections()) {
-    const auto found = expected.find(connection->topic);
+  for (const auto& [id, connection] : bag_.connections()) {
+    const auto found = expected.find(connection.topic);
     if (found == expected.end()) continue;
-    if (found->second != connection->datatype) {
-      throw BagError(path_ + ": " + connection->topic + " is " + connection->datatype + ", it must be " +
+    if (found->second != connection.type) {
+      throw BagError(path_ + ": " + connection.topic + " is " + connection.type + ", it must be " +
                      found->second);
     }
-    usable = usable || connection->topic == topics_.imu || connection->topic == topics_.velocity ||
-             connection->topic == topics_.wheel_odometry || connection->topic == topics_.features;
+    usable = usable || connection.topic == topics_.imu || connection.topic == topics_.velocity ||
+             connection.topic == topics_.wheel_odometry || connection.topic == topics_.features;
   }
   if (usable) return;
   throw BagError(path_ + ": none of " + topics_.imu + ", " + topics_.velocity + ", " + topics_.features +
-                 " is in the bag (see --imu and so on); it has:" + listOf(all));
+                 " is in the bag (see --imu and so on); it has:" + listOf(bag_.connections()));
 }
 
 BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
@@ -125,18 +109,19 @@ BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
 
 void BagInput::feed(Intake& intake, const std::function<bool(double)>& proceed) {
   std::map<std::string, Handler> handlers;
-  for (const auto& expected : expectedTypes(topics_)) handlers[expected.first] = handlerFor(expected.first);
-  const double total = static_cast<double>(view_->size());
-  double done = 0.0;
+  std::set<std::string> names;
+  for (const auto& [name, type] : expectedTypes(topics_)) {
+    handlers[name] = handlerFor(name);
+    names.insert(name);
+  }
   try {
-    for (const rosbag::MessageInstance& instance : *view_) {
-      handlers.at(instance.getTopic())(instance, intake);
-      done += 1.0;
-      if (!proceed(done / total)) return;
-    }
+    bag_.forEach(names, [&](const BagMessage& message, double done) {
+      handlers.at(message.connection.topic)(message, intake);
+      return proceed(done);
+    });
   } catch (const BagError&) {
     throw;
-  } catch (const std::exception& e) { // a damaged file can make rosbag throw more than BagException
+  } catch (const std::exception& e) { // bytes that are no such message
     throw BagError(path_ + ": cannot be read on: " + e.what());
   }
 }

@@ -1,13 +1,9 @@
 #pragma once
 
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
-
 #include <functional>
-#include <memory>
 #include <string>
 
-#include "vi_ekf_slam/ros/bag_structure.hpp"
+#include "vi_ekf_slam/ros/input/bag_reader.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 
 namespace vi_ekf_slam {
@@ -23,15 +19,13 @@ class BagInput {
   void feed(Intake& intake, const std::function<bool(double)>& proceed);
 
  private:
-  using Handler = std::function<void(const rosbag::MessageInstance&, Intake&)>;
+  using Handler = std::function<void(const BagMessage&, Intake&)>;
 
-  void checkTopics();
   Handler handlerFor(const std::string& topic) const;
 
   std::string path_;
   InputTopics topics_;
-  rosbag::Bag bag_;
-  std::unique_ptr<rosbag::View> view_;
+  BagReader bag_;
 };
 
 } // namespace vi_ekf_slam

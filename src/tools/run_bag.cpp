@@ -2,6 +2,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
@@ -23,6 +24,9 @@ volatile std::sig_atomic_t g_stop = 0;
 
 /// What went wrong with the input as a whole, if anything.
 std::string inputProblem(const SlamSystem& system, const Intake& intake, const RunWriter& writer) {
+  if (const std::string missing = intake.missingInputs(); !missing.empty()) {
+    return "no message on " + missing + ", which the estimator needs (see --imu and so on)";
+  }
   if (system.needsRig() && !system.hasRig() && system.counts().frames_without_rig > 0) {
     return "features were not used: " + intake.rigAssembler().problem();
   }
@@ -46,19 +50,38 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
               << c.invalid[i] << " invalid\n";
   }
   if (c.resets > 0) std::cout << c.resets << " resets (time jumped back)\n";
+  const auto earlier = writer.earlierSizes();
+  for (std::size_t i = 0; i < earlier.size(); ++i) {
+    std::cout << earlier[i] << " poses from before are in " << options.output << "/"
+              << RunWriter::kBeforeReset << i + 1 << "\n";
+  }
   std::printf("%.1f s of sensor time in %.2f s\n", writer.sensorSeconds(), summary.wall_s);
   std::cout << "results in " << options.output << std::endl;
 }
 
-int run(const RunBagOptions& options) {
-  const FullConfig config = options.config.empty() ? FullConfig() : loadFullConfig(options.config);
-  BagInput input(options.bag, options.topics);
-  RunWriter::makeDirectory(options.output);
-  SlamSystem system(config.core);
+FullConfig configurationOf(const RunBagOptions& options) {
+  return options.config.empty() ? FullConfig() : loadFullConfig(options.config);
+}
+
+/// Before a launch starts anything: it ends then with what is wrong, and with nothing left behind.
+int check(const RunBagOptions& options) {
+  SlamSystem system(configurationOf(options).core);
   if (!options.load_map.empty())
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
+  if (!options.bag.empty()) BagReader{options.bag};
+  if (!options.config.empty()) std::cout << std::filesystem::absolute(options.config).string() << std::endl;
+  return kOk;
+}
+
+int run(const RunBagOptions& options) {
+  const FullConfig config = configurationOf(options);
+  BagInput input(options.bag, options.topics);
+  SlamSystem system(config.core);
   if (options.save_map && !system.estimator().keepsJointMap())
     throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
+  if (!options.load_map.empty())
+    system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
+  RunWriter::requireDirectory(options.output);
   RunWriter writer;
   system.onFrame([&](const Output& output) {
     if (output.report.relocalised) {
@@ -88,6 +111,7 @@ int run(const RunBagOptions& options) {
     });
     if (g_stop != 0) problem = "interrupted; what was computed so far is written";
   } catch (const BagError& e) {
+    if (intake.received() == 0) throw; // nothing to write
     problem = e.what();
   }
   intake.flush();
@@ -125,7 +149,7 @@ int main(int argc, char** argv) {
       std::cout << kRunBagHelp;
       return kOk;
     }
-    return run(options);
+    return options.check ? check(options) : run(options);
   } catch (const UsageError& e) {
     std::cerr << "run_bag: " << e.what() << "\nTry 'run_bag --help'." << std::endl;
     return kUsage;

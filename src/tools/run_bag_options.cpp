@@ -1,11 +1,12 @@
 #include "run_bag_options.hpp"
 
-#include <map>
+#include <boost/program_options.hpp>
 
 namespace vi_ekf_slam {
 
 const char* const kRunBagHelp =
     R"(Usage: run_bag IN.bag --output DIR [options]
+       run_bag --check [IN.bag] [--config FILE] [--load-map FILE]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
 needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
@@ -24,14 +25,19 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
                        to where velocities are of always come from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
   --load-map FILE      a map.bag to relocalise in, by ids that return
+  --check              only looks whether these files can be used, and prints the configuration's absolute path
   --quiet              errors only
   --help               this text
 
-Exit code: 0 all went well; 1 the command line, the configuration or the output is not usable; 2 the bag is not
-usable, or only in part (what could be computed is written).
+Exit code: 0 all went well; 1 the command line, the configuration or the output is not usable; 2 the bag or the map
+is not usable, or the bag only in part: it cannot be read to its end, or an input that the estimator needs is not in it
+(IMU and velocity; features, both camera_infos and the transform too, unless the configuration is one of dead
+reckoning). What could be computed is written then.
 )";
 
 namespace {
+
+namespace po = boost::program_options;
 
 std::string absolute(const std::string& topic) {
   return topic.empty() || topic.front() == '/' ? topic : "/" + topic;
@@ -56,41 +62,29 @@ void requireAll(const RunBagOptions& options) {
 RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
   RunBagOptions options;
   std::string prefix;
-  const std::map<std::string, std::string*> valued = {{"--config", &options.config},
-                                                      {"--output", &options.output},
-                                                      {"--load-map", &options.load_map},
-                                                      {"--topic-prefix", &prefix},
-                                                      {"--imu", &options.topics.imu},
-                                                      {"--velocity", &options.topics.velocity},
-                                                      {"--wheel-odometry", &options.topics.wheel_odometry},
-                                                      {"--twist-bias", &options.topics.twist_bias},
-                                                      {"--features", &options.topics.features},
-                                                      {"--left-info", &options.topics.left_info},
-                                                      {"--right-info", &options.topics.right_info}};
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const std::size_t equals = argument.find('=');
-    const auto option = valued.find(argument.substr(0, equals));
-    if (argument == "--help" || argument == "-h") {
-      options.help = true;
-    } else if (argument == "--quiet") {
-      options.quiet = true;
-    } else if (argument == "--save-map") {
-      options.save_map = true;
-    } else if (option != valued.end() && equals != std::string::npos) {
-      *option->second = argument.substr(equals + 1);
-    } else if (option != valued.end()) {
-      if (++i == argc) throw UsageError(argument + " needs a value");
-      *option->second = argv[i];
-    } else if (!argument.empty() && argument.front() == '-') {
-      throw UsageError("unknown option " + argument);
-    } else if (!options.bag.empty()) {
-      throw UsageError("more than one bag given: " + options.bag + " and " + argument);
-    } else {
-      options.bag = argument;
-    }
+  const auto text = [](std::string& to) { return po::value(&to)->default_value(to); };
+  po::options_description known; // kRunBagHelp describes them
+  known.add_options()("help,h", po::bool_switch(&options.help))("quiet", po::bool_switch(&options.quiet))(
+      "check", po::bool_switch(&options.check))("save-map", po::bool_switch(&options.save_map))(
+      "bag", text(options.bag))("config", text(options.config))("output", text(options.output))(
+      "load-map", text(options.load_map))("topic-prefix", text(prefix))("imu", text(options.topics.imu))(
+      "velocity", text(options.topics.velocity))("wheel-odometry", text(options.topics.wheel_odometry))(
+      "twist-bias", text(options.topics.twist_bias))("features", text(options.topics.features))(
+      "left-info", text(options.topics.left_info))("right-info", text(options.topics.right_info));
+  constexpr int kStyle = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
+  try {
+    po::variables_map values;
+    po::store(po::command_line_parser(argc, argv)
+                  .options(known)
+                  .positional(po::positional_options_description().add("bag", 1))
+                  .style(kStyle)
+                  .run(),
+              values);
+    po::notify(values);
+  } catch (const po::error& e) {
+    throw UsageError(e.what());
   }
-  if (!options.help) requireAll(options);
+  if (!options.help && !options.check) requireAll(options);
   makeAbsolute(options.topics, prefix);
   return options;
 }

@@ -19,6 +19,7 @@ struct RunBagOptions {
   std::string output;
   std::string load_map;  ///< empty: none
   bool save_map = false; ///< DIR/map.bag too
+  bool check = false;    ///< only look whether the files can be used
   InputTopics topics;    ///< absolute names
   bool quiet = false;
   bool help = false;

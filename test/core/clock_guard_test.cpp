@@ -12,7 +12,7 @@ using namespace test;
 Config guardedConfig() {
   Config config = makeConfig(PaperMode::kSlam);
   config.buffer.jump_confirmations = 5;
-  config.buffer.max_jump_ahead_s = 1.0;
+  config.buffer.max_jump_s = 1.0;
   config.buffer.max_gap_s = 30.0;
   return config;
 }

@@ -29,7 +29,7 @@ Key keyOf(const Measurement& m) { return {stampOf(m), streamOf(m)}; }
 MeasurementBuffer::Options options() {
   MeasurementBuffer::Options o;
   o.max_delay_s = 0.2;
-  o.max_jump_back_s = 1.0;
+  o.max_jump_s = 1.0;
   o.max_size = 100000;
   return o;
 }
@@ -240,15 +240,14 @@ TEST(MeasurementBuffer, ASecondMeasurementOfAStreamAtOneStampIsADuplicate) {
       << "equal to the last, not older";
 }
 
-TEST(MeasurementBuffer, AnOlderStampByMoreThanMaxJumpBackIsAJumpBackAndStoresNothing) {
+TEST(MeasurementBuffer, AnOlderStampByMoreThanMaxJumpIsAJumpBackAndStoresNothing) {
   MeasurementBuffer buffer(options());
   buffer.add(make(Stream::kGyro, 5000 * kMs));
   EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs - 1)), Verdict::kJumpBack);
   EXPECT_EQ(buffer.size(), 1U);
   EXPECT_EQ(buffer.newest(), 5000 * kMs);
   EXPECT_EQ(buffer.oldest(), 5000 * kMs);
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs)), Verdict::kAccepted)
-      << "exactly max_jump_back is none";
+  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs)), Verdict::kAccepted) << "exactly max_jump_s is none";
 }
 
 TEST(MeasurementBuffer, ABoundedJumpBackOfDataAlreadyHandedOutIsLate) {

@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 namespace {
 
 const std::string kDefault = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/default.yaml";
-constexpr std::size_t kMostKeys = 41; // one page; a switch for studies alone belongs to the section `studies`
+constexpr std::size_t kMostKeys = 40; // one page; a switch for studies alone belongs to the section `studies`
 
 using Fields = std::map<std::string, std::string>;
 
@@ -54,8 +54,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("map.max_landmarks", c.map.max_landmarks);
   add("map.recognise_places", c.recognise_places);
   add("buffer.max_delay_s", config.core.buffer.max_delay_s);
-  add("buffer.max_jump_back_s", config.core.buffer.max_jump_back_s);
-  add("buffer.max_jump_ahead_s", config.core.buffer.max_jump_ahead_s);
+  add("buffer.max_jump_s", config.core.buffer.max_jump_s);
   add("buffer.max_gap_s", config.core.buffer.max_gap_s);
   add("ros.map_frame", config.ros.map_frame);
   add("ros.odom_frame", config.ros.odom_frame);

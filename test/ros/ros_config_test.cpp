@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include <array>
 
@@ -55,6 +56,20 @@ TEST(RosConfig, names_file_key_and_value_of_what_is_wrong) {
 TEST(RosConfig, unknown_keys_are_errors_at_every_level) {
   EXPECT_TRUE(has(errorOf("ros: {map_fram: map}"), "map_fram"));
   EXPECT_TRUE(has(errorOf("rso: {}"), "rso"));
+}
+
+/// So that the node reads them all from its parameters, and takes nothing else there for its own.
+TEST(RosConfig, knows_the_keys_of_a_configuration) {
+  for (const char* name : {"default", "paper", "dead_reckoning"}) {
+    const std::string file = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/" + name + ".yaml";
+    for (const auto& entry : YAML::LoadFile(file))
+      EXPECT_TRUE(isConfigurationKey(entry.first.as<std::string>())) << file;
+  }
+  for (const std::string key : {"buffer", "invariant", "map", "paper", "studies", "ros"}) {
+    EXPECT_TRUE(isConfigurationKey(key));
+    EXPECT_EQ("", errorOf(key + ": {}"));
+  }
+  EXPECT_FALSE(isConfigurationKey("bond_disabled"));
 }
 
 /// What the parameter server returns for a YAML file that roslaunch loaded.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -64,7 +65,10 @@ class Intake {
   /// Empty until the first IMU message said it, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
-  std::uint64_t received() const { return counts_.received; }
+  std::uint64_t received() const;
+  /// Topics of required inputs (imu, velocity and, where the estimator uses them, features) from which no
+  /// message has come, with commas; empty: there is none.
+  std::string missingInputs() const;
   /// Messages (and repeated ids) turned away, by "input: reason".
   const std::map<std::string, std::uint64_t>& turnedAway() const { return counts_.turned_away; }
   /// Features taken that have no depth.
@@ -81,7 +85,8 @@ class Intake {
   };
 
   struct Counts {
-    std::uint64_t received = 0, without_disparity = 0, shed_features = 0;
+    std::array<std::uint64_t, kStreamCount> received{};
+    std::uint64_t without_disparity = 0, shed_features = 0;
     std::map<std::string, std::uint64_t> turned_away;
   };
 
@@ -96,6 +101,7 @@ class Intake {
   void offerRig();
 
   SlamSystem& system_;
+  InputTopics topics_;
   std::string imu_frame_;
   FrameTree frames_;
   RigAssembler rig_;

@@ -36,6 +36,9 @@ struct FullConfig {
   RosConfig ros;
 };
 
+/// Whether a configuration may have this at its top level. What else lies beside it among a node's parameters
+/// is somebody else's.
+bool isConfigurationKey(const std::string& name);
 /// Both halves of one YAML text. Throws ConfigError.
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source);
 /// Both halves of one YAML file. Throws ConfigError.

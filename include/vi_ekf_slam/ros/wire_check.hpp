@@ -1,19 +1,17 @@
 #pragma once
 
 #include <ros/serialization.h>
-#include <rosbag/message_instance.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <cstdint>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/StereoFeatureArray.h"
-#include "vi_ekf_slam/ros/bag_structure.hpp"
+#include "vi_ekf_slam/ros/input/bag_reader.hpp"
 
 /// roscpp makes room for as many elements as a message's bytes announce before it looks whether they are
 /// there: sixteen bytes can ask for a hundred gigabytes. These look first. What a message without arrays
@@ -78,11 +76,11 @@ inline void requireArrays(ros::serialization::IStream stream, const MapState* /*
   requireArray(stream, 8); // covariance
 }
 
-/// The message in `bytes`. Throws a std::exception when they are not one.
+/// The message in `size` bytes. Throws a std::exception when they are not one.
 template <typename Message>
-Message read(std::vector<std::uint8_t>& bytes) {
+Message read(const std::uint8_t* bytes, std::uint32_t size) {
   Message message;
-  const ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  const ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes), size); // which only reads
   requireArrays(stream, &message);
   ros::serialization::IStream whole = stream;
   ros::serialization::deserialize(whole, message);
@@ -92,15 +90,12 @@ Message read(std::vector<std::uint8_t>& bytes) {
 /// The message of a bag. Throws BagError when the bag's definition of its type is another one, and
 /// std::exception as above.
 template <typename Message>
-Message read(const rosbag::MessageInstance& instance) {
-  if (!instance.isType<Message>()) {
-    throw BagError(instance.getTopic() + ": the bag's definition of " + instance.getDataType() +
+Message read(const BagMessage& message) {
+  if (message.connection.md5 != ros::message_traits::md5sum<Message>()) {
+    throw BagError(message.connection.topic + ": the bag's definition of " + message.connection.type +
                    " is not the one that this program was built with");
   }
-  std::vector<std::uint8_t> bytes(instance.size());
-  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-  instance.write(stream);
-  return read<Message>(bytes);
+  return read<Message>(message.data, message.size);
 }
 
 } // namespace vi_ekf_slam::wire

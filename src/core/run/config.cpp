@@ -9,8 +9,7 @@ namespace {
 
 void readBuffer(YamlSection section, MeasurementBuffer::Options& buffer) {
   section.read("max_delay_s", Range::halfOpen(0.0, 60.0), buffer.max_delay_s);
-  section.read("max_jump_back_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_back_s);
-  section.read("max_jump_ahead_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_ahead_s);
+  section.read("max_jump_s", Range::halfOpen(0.0, 3600.0), buffer.max_jump_s);
   section.read("max_gap_s", Range::halfOpen(0.0, 1e6), buffer.max_gap_s);
   section.finish();
 }

@@ -83,6 +83,12 @@ std::string quoted(const std::string& text) {
   return out + '"';
 }
 
+std::string list(const std::vector<std::size_t>& numbers) {
+  std::string text = "[";
+  for (const std::size_t number : numbers) text += (text.size() > 1 ? ", " : "") + std::to_string(number);
+  return text + "]";
+}
+
 std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
   return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
 }
@@ -135,6 +141,14 @@ void RunWriter::makeDirectory(const std::string& directory) {
   }
 }
 
+void RunWriter::requireDirectory(const std::string& directory) {
+  fs::path made; // the topmost
+  for (fs::path path = fs::absolute(directory); !fs::exists(path); path = path.parent_path()) made = path;
+  makeDirectory(directory);
+  std::error_code kept;
+  if (!made.empty()) fs::remove_all(made, kept);
+}
+
 RunRecord RunWriter::toRecord(const Output& o) {
   RunRecord record;
   record.stamp = o.state.stamp;
@@ -162,6 +176,12 @@ void RunWriter::restart() {
   if (empty()) return;
   runs_.back().records.close();
   runs_.push_back({RunRecords(spool_)});
+}
+
+std::vector<std::size_t> RunWriter::earlierSizes() const {
+  std::vector<std::size_t> sizes;
+  for (std::size_t i = 0; i + 1 < runs_.size(); ++i) sizes.push_back(runs_[i].records.size());
+  return sizes;
 }
 
 double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
@@ -213,7 +233,8 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   std::ostringstream text;
   text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
        << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
-       << "\nframes: " << (hasFrames() ? size() : 0) << "\nlandmarks: " << landmarks
+       << "\nposes_before_resets: " << list(earlierSizes()) << "\nframes: " << (hasFrames() ? size() : 0)
+       << "\nlandmarks: " << landmarks
        << format("\nwall_s: %.3f\nsensor_s: %.3f\ntimes_real_time: %.2f\n", summary.wall_s, sensor_s,
                  summary.wall_s > 0.0 ? sensor_s / summary.wall_s : 0.0)
        << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid

@@ -12,8 +12,8 @@ constexpr double kTogether = 10.0; // s; measurements farther apart do not confi
 
 ClockGuard::Side ClockGuard::sideOf(Stamp stamp, Stamp newest) const {
   const double ahead = secondsBetween(newest, stamp);
-  if (ahead > options_.max_jump_ahead_s) return Side::kAhead;
-  return -ahead > options_.max_jump_back_s ? Side::kBehind : Side::kNear;
+  if (ahead > options_.max_jump_s) return Side::kAhead;
+  return -ahead > options_.max_jump_s ? Side::kBehind : Side::kNear;
 }
 
 ClockGuard::Verdict ClockGuard::judge(Measurement& measurement, std::optional<Stamp> newest) {

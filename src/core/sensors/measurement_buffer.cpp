@@ -9,7 +9,7 @@ MeasurementBuffer::MeasurementBuffer(const Options& options) : options_(options)
 MeasurementBuffer::Verdict MeasurementBuffer::add(Measurement measurement) {
   const Stamp stamp = stampOf(measurement);
   const Stream stream = streamOf(measurement);
-  if (newest_ && secondsBetween(stamp, *newest_) > options_.max_jump_back_s) return Verdict::kJumpBack;
+  if (newest_ && secondsBetween(stamp, *newest_) > options_.max_jump_s) return Verdict::kJumpBack;
   StreamClock& clock = clocks_[static_cast<std::size_t>(stream)];
   if (last_released_ && stamp < *last_released_) {
     clock.reach(stamp);

@@ -31,6 +31,7 @@ int firstFree(const fs::path& directory, const char* stem, const char* extension
 /// Moves what an earlier run left in `directory` into a new folder; its map.bag stays, and is there too.
 /// Respawned before it has left anything, it has left nothing to be moved.
 void moveEarlierResults(const fs::path& directory) {
+  if (!fs::exists(directory)) return;
   std::vector<fs::path> results;
   for (const char* name : RunWriter::kFiles) {
     if (fs::exists(directory / name)) results.push_back(directory / name);
@@ -98,16 +99,15 @@ std::shared_ptr<const SavedMap> MapStore::readOrSetAside() const {
 }
 
 void MapStore::begin(SlamSystem& system) {
-  if (settings_.resume) {
-    const auto map = readOrSetAside();
-    moveEarlierResults(settings_.output_dir);
-    if (map) {
-      resume(system, map);
-      return;
-    }
+  const auto saved = settings_.resume ? readOrSetAside() : nullptr;
+  const auto map =
+      saved || settings_.map_file.empty() ? saved : load({}); // may throw: before anything is moved
+  if (settings_.resume) moveEarlierResults(settings_.output_dir);
+  if (saved) {
+    resume(system, saved);
+    return;
   }
-  if (settings_.map_file.empty()) return;
-  const auto map = load({});
+  if (!map) return;
   system.loadMap(map, source());
   noteLoaded(source());
   ROS_INFO_STREAM("looking for the place in " << source() << ", with " << map->landmarks.size()

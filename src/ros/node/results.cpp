@@ -129,7 +129,8 @@ void Results::saveAtTheEnd() {
     if (const auto map = mapToKeep()) maps_.write(map, maps_.savedPath());
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << output_dir_);
   } catch (const std::exception& e) {
-    ROS_ERROR_STREAM("not saved: " << e.what());
+    failure_ = std::string("not saved: ") + e.what();
+    ROS_ERROR_STREAM(failure_);
   }
 }
 

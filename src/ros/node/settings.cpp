@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/node/tuning.hpp"
@@ -17,6 +18,22 @@ std::string absolutePath(const std::string& path) {
   return std::filesystem::absolute(from_home ? home + path.substr(1) : path).string();
 }
 
+namespace {
+
+/// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to
+/// start; a misspelled one of ours is seen.
+void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> names) {
+  // config_file is slam.launch's, diagnostic_period diagnostic_updater's, tuning dynamic_reconfigure's.
+  for (const char* known : {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                            "config_file", "diagnostic_period", "tuning"})
+    names.erase(known);
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + private_nh.resolveName(name);
+  if (!list.empty()) ROS_WARN_STREAM("not read, since the node knows no such parameter: " << list);
+}
+
+} // namespace
+
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   NodeSettings settings;
   settings.source = "parameters of " + private_nh.getNamespace();
@@ -24,9 +41,12 @@ NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   std::string yaml;
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
-    // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
-    yaml = toYaml(tree, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
-                         "diagnostic_period", "tuning"});
+    std::set<std::string> not_configuration;
+    for (const auto& [name, value] : tree) {
+      if (!isConfigurationKey(name)) not_configuration.insert(name);
+    }
+    warnOfForeign(private_nh, not_configuration);
+    yaml = toYaml(tree, not_configuration);
   }
   settings.config = parseFullConfig(yaml, settings.source);
   applyStored(private_nh, settings.config);
@@ -44,7 +64,7 @@ NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   settings.maps = MapStore::readSettings(private_nh, settings.source,
                                          {settings.output_dir, {}, false, settings.config.ros.map_frame});
   settings.maps.map_file = absolutePath(settings.maps.map_file);
-  if (!settings.output_dir.empty()) RunWriter::makeDirectory(settings.output_dir);
+  if (!settings.output_dir.empty()) RunWriter::requireDirectory(settings.output_dir);
   return settings;
 }
 

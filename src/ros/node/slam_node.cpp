@@ -16,8 +16,8 @@ constexpr std::uint32_t kInputQueue = 10000; // messages an input; deep, so that
 
 InputTopics SlamNode::resolvedTopics() const {
   InputTopics topics;
-  for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.features,
-                            &topics.left_info, &topics.right_info}) {
+  for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
+                            &topics.features, &topics.left_info, &topics.right_info}) {
     *name = nh_.resolveName(*name);
   }
   return topics;
@@ -34,7 +34,7 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
         publishers_.publish(output, is_frame, intake_.imuFrame());
         diagnostics_.noteOutput(output, is_frame);
       }),
-      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_back_s, intake_.frames(),
+      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
                   [this] { return system_.estimator().landmarks(); }),
       load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
       worker_({settings_.config.ros.max_latency_s, 3 * kInputQueue}),
@@ -53,6 +53,11 @@ SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
 }
 
 SlamNode::~SlamNode() { finish(); }
+
+std::string SlamNode::failure() const {
+  const std::string failure = worker_.failure();
+  return failure.empty() ? results_.failure() : failure;
+}
 
 void SlamNode::connectSystem() {
   system_.onGyro([this](const Output& output) { handleOutput(output, false); });
@@ -156,7 +161,7 @@ void SlamNode::tend(bool is_pause) {
   watch_.last_report = WorkQueue::Clock::now();
   diagnostics_.publish();
   if (secondsSince(watch_.last_warning) >= kWarningPeriod) warn();
-  results_.autosaveIfDue();
+  if (intake_.received() > 0) results_.autosaveIfDue();
 }
 
 /// What this node sends comes back to it, and is not to be taken for somebody else's.
@@ -223,23 +228,22 @@ std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& me
 
 void SlamNode::warn() {
   std::string warning;
+  const auto add = [&warning](const std::string& text) { warning += (warning.empty() ? "" : "; ") + text; };
+  if (const std::string missing = intake_.missingInputs(); !missing.empty())
+    add("no message yet on " + missing);
   if (intake_.received() == 0) {
-    warning = "no message yet on " + nh_.resolveName("imu") + ", " + nh_.resolveName("velocity") + " or " +
-              nh_.resolveName("features");
+    // what calibration lacks is not the point yet
   } else if (system_.needsRig() && !system_.hasRig()) {
-    warning = "features are not used, dead reckoning only: " + intake_.rigAssembler().problem();
+    add("features are not used, dead reckoning only: " + intake_.rigAssembler().problem());
   } else if (intake_.rigAssembler().changedLater()) {
-    warning = "camera_info has changed; the first calibration stays in use until a restart";
+    add("camera_info has changed; the first calibration stays in use until a restart");
   }
-  const std::string unpublished = publishers_.problem();
-  if (!unpublished.empty()) warning += (warning.empty() ? "" : "; ") + unpublished;
+  if (const std::string unpublished = publishers_.problem(); !unpublished.empty()) add(unpublished);
   const auto turned_away = diagnostics_.allTurnedAway();
   if (turned_away != watch_.warned_turned_away) {
     watch_.warned_turned_away = turned_away;
-    for (const auto& [reason, count] : turned_away) {
-      warning +=
-          (warning.empty() ? "turned away: " : "; turned away: ") + reason + ": " + std::to_string(count);
-    }
+    for (const auto& [reason, count] : turned_away)
+      add("turned away: " + reason + ": " + std::to_string(count));
   }
   if (warning.empty()) return;
   watch_.last_warning = WorkQueue::Clock::now();
@@ -270,7 +274,11 @@ void SlamNode::finish() {
   } catch (const std::exception& e) {
     ROS_ERROR_STREAM("the last measurements are not processed: " << e.what());
   }
-  results_.saveAtTheEnd();
+  if (intake_.received() > 0) {
+    results_.saveAtTheEnd();
+  } else if (!settings_.output_dir.empty()) { // leaves what an earlier run has saved there
+    ROS_WARN_STREAM("no measurement has come: nothing is saved");
+  }
 }
 
 } // namespace vi_ekf_slam

@@ -11,11 +11,11 @@ constexpr std::size_t kManyWaiting = 200; // poses, which no delay of /tf explai
 
 } // namespace
 
-Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_back_s,
+Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_s,
                        const FrameTree& frames, MapPublisher::LandmarkSource landmarks)
     : config_(config),
       base_(frames, config),
-      transforms_(frames, config, max_jump_back_s),
+      transforms_(frames, config, max_jump_s),
       path_(nh, "path", config, listener_came_),
       dead_reckoning_path_(nh, "dead_reckoning/path", config, listener_came_),
       map_(

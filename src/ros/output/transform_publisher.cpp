@@ -8,9 +8,8 @@ namespace vi_ekf_slam {
 
 using conversions::toTransform;
 
-TransformPublisher::TransformPublisher(const FrameTree& frames, const RosConfig& config,
-                                       double max_jump_back_s)
-    : config_(config), max_jump_back_s_(max_jump_back_s), foreign_(frames, config.odom_frame) {}
+TransformPublisher::TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_s)
+    : config_(config), max_jump_s_(max_jump_s), foreign_(frames, config.odom_frame) {}
 
 bool TransformPublisher::followsForeignOdometry() const {
   return config_.publish_tf && config_.publish_map_tf && !config_.publish_odom_tf && !config_.single_tf;
@@ -25,7 +24,7 @@ bool TransformPublisher::sends(const std::string& parent, const std::string& chi
 }
 
 bool TransformPublisher::isNews(Stamp stamp) {
-  if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_back_s_) return false;
+  if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_s_) return false;
   last_ = stamp;
   return true;
 }

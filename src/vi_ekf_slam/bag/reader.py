@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.bag.limits import require_small_chunks
+from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 
@@ -22,7 +22,7 @@ def read_reference(path):
     """
     stamps, frames, transforms, truth = [], {}, [], None
     with open_bag(path) as bag:
-        require_small_chunks(bag, path)
+        require_bounded_chunks(bag, path)
         topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
         for topic, message, _ in bag.read_messages(topics):
             if topic == "/tf_static":

@@ -8,7 +8,7 @@ EXIT_REFUSED = 2
 
 
 def exit_status(action, *arguments, source=None):
-    """Call action(*arguments): 0, or EXIT_REFUSED after one line on stderr when it raises InputError.
+    """Call action(*arguments): 0, or EXIT_REFUSED after one line on stderr when it raises InputError or lacks a module.
 
     source: the input to name where memory does not suffice for it; None: MemoryError passes through.
     """
@@ -16,6 +16,9 @@ def exit_status(action, *arguments, source=None):
         action(*arguments)
     except InputError as reason:
         return _refuse(reason)
+    except ModuleNotFoundError as reason:  # a headless robot has none of those that draw
+        return _refuse("the Python module %s is not installed, which this needs (Debian and Ubuntu: python3-%s)"
+                       % (reason.name, reason.name.split(".")[0]))
     except MemoryError:
         if source is None:
             raise

@@ -6,6 +6,7 @@ Exponentials: Barfoot, State Estimation for Robotics (2017), eq. 7.14 and 7.37.
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 SMALL_ANGLE = 1e-6  # rad; below it the series' next term is under one rounding of a double
 
@@ -21,13 +22,8 @@ def so3_exp(phi):
 
 
 def so3_log(rotation):
-    """Rotation matrix -> rotation vector (3, rad), of norm at most pi."""
-    quaternion = rotation_to_quaternion(rotation)
-    vector, scalar = quaternion[:3], quaternion[3]
-    sine = np.linalg.norm(vector)
-    if sine < SMALL_ANGLE:
-        return 2.0 * vector
-    return 2.0 * np.arctan2(sine, scalar) * vector / sine
+    """Rotation matrices (..., 3, 3) -> rotation vectors (..., 3, rad), of norm at most pi."""
+    return _from_matrix(rotation).as_rotvec()
 
 
 def se3_exp(xi):
@@ -84,34 +80,18 @@ def nearest_rotation(matrix):
 
 def quaternion_to_rotation(quaternion):
     """Quaternion (x, y, z, w), not zero; normalised here -> rotation matrix."""
-    x, y, z, w = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    rotation = Rotation.from_quat(quaternion)
+    return rotation.as_matrix() if hasattr(rotation, "as_matrix") else rotation.as_dcm()  # before SciPy 1.4 (Noetic)
 
 
 def rotation_to_quaternion(rotation):
-    """Rotation matrix -> unit quaternion (x, y, z, w) with w >= 0 (Shepperd's method: divide by the largest)."""
-    r = np.asarray(rotation, dtype=float)
-    trace = np.trace(r)
-    choices = np.array([r[0, 0], r[1, 1], r[2, 2], trace])
-    i = int(np.argmax(choices))
-    quaternion = np.empty(4)
-    if i == 3:
-        quaternion[:3] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-        quaternion[3] = 1.0 + trace
-    else:
-        j, k = (i + 1) % 3, (i + 2) % 3
-        quaternion[i] = 1.0 - trace + 2.0 * r[i, i]
-        quaternion[j] = r[j, i] + r[i, j]
-        quaternion[k] = r[k, i] + r[i, k]
-        quaternion[3] = r[k, j] - r[j, k]
-    quaternion /= np.linalg.norm(quaternion)
+    """Rotation matrix -> unit quaternion (x, y, z, w) with w >= 0."""
+    quaternion = _from_matrix(rotation).as_quat()
     return -quaternion if quaternion[3] < 0.0 else quaternion
+
+
+def _from_matrix(matrix):
+    return (Rotation.from_matrix if hasattr(Rotation, "from_matrix") else Rotation.from_dcm)(matrix)
 
 
 def interpolate_pose(first, second, fraction):

@@ -1,11 +1,11 @@
 """Does the covariance say how large the error is? Pose errors, their NEES and its chi-square bounds."""
 
 import numpy as np
+from scipy.special import chdtri
 
 from vi_ekf_slam.common.geometry import so3_log
 
 POSE_AXES = ("x", "y", "z", "roll", "pitch", "yaw")  # order of covariance.csv; rotations are about the world's axes
-NORMAL_975 = 1.959963984540054
 
 
 def pose_errors(poses, truth):
@@ -16,7 +16,7 @@ def pose_errors(poses, truth):
     """
     poses, truth = np.asarray(poses, dtype=float), np.asarray(truth, dtype=float)
     rotations = poses[:, :3, :3] @ np.swapaxes(truth[:, :3, :3], 1, 2)
-    return np.column_stack([poses[:, :3, 3] - truth[:, :3, 3], [so3_log(r) for r in rotations]])
+    return np.column_stack([poses[:, :3, 3] - truth[:, :3, 3], so3_log(rotations)])
 
 
 def nees(errors, covariances):
@@ -39,12 +39,6 @@ def nees(errors, covariances):
     return result
 
 
-def chi_square_bounds(dof, sigmas=NORMAL_975):
-    """Lower and upper bounds of a chi-square variable, by Wilson and Hilferty's cube root. dof: number or array.
-
-    They are as unlikely to be left as `sigmas` standard deviations by a normal variable: 95 % lie between those given.
-    """
-    dof = np.asarray(dof, dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance = 2.0 / (9.0 * dof)
-        return tuple(dof * (1.0 - variance + sign * sigmas * np.sqrt(variance)) ** 3 for sign in (-1.0, 1.0))
+def chi_square_bounds(dof):
+    """Lower and upper bounds, between which 95 % of a chi-square variable lie. dof: number or array; nan for 0."""
+    return chdtri(dof, 0.975), chdtri(dof, 0.025)

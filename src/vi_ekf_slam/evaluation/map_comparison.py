@@ -11,7 +11,7 @@ import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.patches import Rectangle  # noqa: E402
 
-from vi_ekf_slam.bag.limits import require_small_chunks  # noqa: E402
+from vi_ekf_slam.bag.limits import require_bounded_chunks  # noqa: E402
 from vi_ekf_slam.bag.opening import open_bag  # noqa: E402
 from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
 from vi_ekf_slam.common.errors import InputError  # noqa: E402
@@ -44,7 +44,7 @@ def read_tracks(path, topic):
     """{id: (frames in which it is seen, share of the drive, 0 to 1, after which it is not any more)} of a bag's features."""
     stamps, tracks = [], {}
     with open_bag(path) as bag:
-        require_small_chunks(bag, path)
+        require_bounded_chunks(bag, path)
         for _, message, _ in bag.read_messages([topic]):
             stamps.append(message.header.stamp.to_sec())
             for feature in message.features:

@@ -1,10 +1,14 @@
 """The pictures of an evaluation, by name."""
 
+import contextlib
 import os
 
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.evaluation.against_truth import anchor_truth, title_of_errors
 from vi_ekf_slam.evaluation.run_inputs import meets
+
+RUN_PICTURES = ("trajectory", "landmarks", "errors", "frames", "drift")
+COMPARISON_PICTURES = ("comparison", "comparison_drift")
 
 # matplotlib is slow to load, so the functions that draw load it: inputs are complained about first.
 
@@ -67,11 +71,21 @@ def pictures_of_comparison(results):
 
 def save_pictures(pictures, folder):
     """Write (name, Figure) as folder/evaluation_NAME.png and .svg; yields the paths without suffix."""
-    from vi_ekf_slam.evaluation import top_view
     for name, figure in pictures:
-        stem = os.path.join(folder, "evaluation_" + name)
-        for kind in ("png", "svg"):
-            check_output(stem + "." + kind)
-            with replacing(stem + "." + kind) as stream:
-                top_view.save(figure, stream, kind)
-        yield stem
+        from vi_ekf_slam.evaluation import top_view
+        for path in _paths(folder, name):
+            check_output(path)
+            with replacing(path) as stream:
+                top_view.save(figure, stream, os.path.splitext(path)[1][1:])
+        yield os.path.splitext(path)[0]
+
+
+def remove_pictures(folder, names):
+    """Of an earlier evaluation, which they would outlive: RUN_PICTURES or COMPARISON_PICTURES."""
+    for path in (path for name in names for path in _paths(folder, name)):
+        with contextlib.suppress(FileNotFoundError):
+            os.remove(path)
+
+
+def _paths(folder, name):
+    return [os.path.join(folder, "evaluation_%s.%s" % (name, kind)) for kind in ("png", "svg")]

@@ -9,7 +9,14 @@ from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.dataset.truth import BODIES
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
-from vi_ekf_slam.evaluation.pictures import pictures_of_comparison, pictures_of_run, save_pictures
+from vi_ekf_slam.evaluation.pictures import (
+    COMPARISON_PICTURES,
+    RUN_PICTURES,
+    pictures_of_comparison,
+    pictures_of_run,
+    remove_pictures,
+    save_pictures,
+)
 from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
 from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, read_bag, read_subject
 from vi_ekf_slam.evaluation.trajectory_export import export
@@ -66,17 +73,19 @@ def run_evaluation(options):
         print(line)
     for result, data, folder in zip(results, runs, folders):
         if folder:
-            _write_json(folder, dict(data, definitions=DEFINITIONS))
             paths = export(result.subject, os.path.join(folder, "export"), options.export_tum, options.export_kitti)
             print("".join("wrote: %s\n" % path for path in paths), end="")
-            if not options.no_plots:
-                _report(pictures_of_run(result), folder)
+            if not _keeps_truth(folder, [data]):
+                _write_json(folder, dict(data, definitions=DEFINITIONS))
+                remove_pictures(folder, RUN_PICTURES)
+                _report([] if options.no_plots else pictures_of_run(result), folder)
     if len(results) > 1:
         common = options.output or next(filter(None, folders), None)
-        if common and not options.no_plots:
-            _report(pictures_of_comparison(results), common)
-        if options.output:
-            _write_json(common, {"runs": runs, "definitions": DEFINITIONS})
+        if common and not (options.output and _keeps_truth(common, runs)):
+            remove_pictures(common, COMPARISON_PICTURES)
+            _report([] if options.no_plots else pictures_of_comparison(results), common)
+            if options.output:
+                _write_json(common, {"runs": runs, "definitions": DEFINITIONS})
 
 
 def _for_each(values, runs, option, shared=True):
@@ -120,6 +129,9 @@ def judge_subject(subject):
 def _remarks(results):
     for result in results:
         subject = result.subject
+        for number, poses in enumerate(subject.summary.get("poses_before_resets") or [], 1):
+            yield "%s: not judged: the %s poses before a reset, in %s" % (
+                subject.name, poses, os.path.join(subject.source, "before_reset_%d" % number))
         if subject.truth is None:
             yield "%s: no truth, so no errors; --truth or a bag with /ground_truth/path gives it" % subject.name
         elif subject.cam_T_imu is None:
@@ -138,6 +150,22 @@ def _folder(options, subject, count):
 
 def _file_name(name):
     return os.path.normpath(name).strip("./").replace(os.sep, "_") or "run"
+
+
+def _keeps_truth(folder, runs):
+    """Whether the folder has an evaluation with truth, which these `runs` (data), without any, are not to replace."""
+    if any(run["slam"] for run in runs):
+        return False
+    path = os.path.join(folder, "evaluation.json")
+    try:
+        with open(path, encoding="utf-8") as stream:
+            earlier = json.load(stream)
+        kept = any(run["slam"] for run in earlier.get("runs", [earlier]))
+    except (OSError, ValueError, AttributeError, KeyError, TypeError):  # none, or no evaluation of ours
+        return False
+    if kept:
+        print("kept: %s and its pictures, made with truth; --truth or --bag gives it, --output another folder" % path)
+    return kept
 
 
 def _write_json(folder, data):

@@ -26,12 +26,15 @@ class OutputRecorder:
     """Writes FILE.active and calls it FILE when it is closed, as rosbag record does: a crash leaves what there is.
 
     Messages are stored under the time (ROS time) at which they came. The flag of latched topics goes into the bag.
+    Without a message there is no file, and its folder is not made.
     """
 
     def __init__(self, path):
+        _require_writable(path)
         self.path = path
         self.lock = threading.Lock()
-        self.bag = rosbag.Bag(path + ".active", "w")
+        self.bag = None  # before the first message
+        self.closed = False
         self.written = {}  # topic: time at which a thinned one was last written
         self.early = []  # [(topic, message)] that came before the time did
         self.held = {}  # topic: (message, time) that was not written, newer than what was
@@ -45,7 +48,7 @@ class OutputRecorder:
         topic, thinned = subscription
         now = rospy.get_rostime()
         with self.lock:
-            if self.bag is None:
+            if self.closed:
                 return
             if now == rospy.Time():  # simulated time has not begun
                 self.early.append((topic, message))
@@ -65,20 +68,34 @@ class OutputRecorder:
 
     def _write(self, topic, message, time):
         header = dict(message._connection_header, topic=topic)
+        if self.bag is None:
+            os.makedirs(os.path.dirname(self.path), exist_ok=True)
+            self.bag = rosbag.Bag(self.path + ".active", "w")
         raw = header["type"], message._buff, header["md5sum"], None
         self.bag.write(topic, raw, time, raw=True, connection_header=_stored(header))
         self.written[topic] = time
         self.held.pop(topic, None)
 
     def close(self):
-        """Writes what was held back and gives the bag its name."""
+        """Writes what was held back and gives the bag its name; whether there is one. None is if time never began."""
         with self.lock:
-            self._write_early(rospy.Time(0, 1))  # only if time never began; a bag has no time 0
+            self.closed = True
+            if self.bag is None:
+                return False
             for topic, (message, time) in list(self.held.items()):
                 self._write(topic, message, time)
             self.bag.close()
-            self.bag = None
             os.replace(self.path + ".active", self.path)
+            return True
+
+
+def _require_writable(path):
+    """OSError unless the file can be made, with the folders that are missing."""
+    folder = os.path.dirname(path)
+    while not os.path.exists(folder):
+        folder = os.path.dirname(folder)
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK | os.X_OK):
+        raise OSError("%s: cannot be made in %s" % (path, folder))
 
 
 def _stored(header):
@@ -92,7 +109,6 @@ def main():
     rospy.init_node("record_outputs")
     try:
         path = os.path.abspath(os.path.expanduser(str(rospy.get_param("~bag"))))
-        os.makedirs(os.path.dirname(path), exist_ok=True)
         recorder = OutputRecorder(path)
     except KeyError:
         rospy.logfatal("record_outputs: the parameter ~bag is missing; allowed: the file to write")
@@ -103,6 +119,6 @@ def main():
     try:
         rospy.spin()
     finally:
-        recorder.close()
-    print("record_outputs: wrote %s" % path, file=sys.stderr)
+        if recorder.close():
+            print("record_outputs: wrote %s" % path, file=sys.stderr)
     return 0

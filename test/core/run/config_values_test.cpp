@@ -38,7 +38,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"buffer: {max_delay_s: 61}", "buffer.max_delay_s", "61", "> 0 and <= 60"},
         BadValue{"buffer: {max_delay_s: fast}", "buffer.max_delay_s", "fast", "a finite number"},
         BadValue{"buffer: {max_delay_s: .nan}", "buffer.max_delay_s", ".nan", "a finite number"},
-        BadValue{"buffer: {max_jump_back_s: -1}", "buffer.max_jump_back_s", "-1", "> 0"},
+        BadValue{"buffer: {max_jump_s: -1}", "buffer.max_jump_s", "-1", "> 0"},
         BadValue{"buffer: {max_gap_s: 0}", "buffer.max_gap_s", "0", "> 0 and <= 1e+06"},
         BadValue{"buffer: 3", "robot.yaml: buffer:", "3", "a mapping"},
         BadValue{"paper: [1, 2]", "paper", "[1, 2]", "a mapping"},
@@ -93,7 +93,7 @@ TEST(Config, NothingAtAllMeansTheDefaults) {
 TEST(Config, EveryKeyReachesItsField) {
   const Config config = parseConfig(R"(
 estimator: paper
-buffer: {max_delay_s: 0.3, max_jump_back_s: 4}
+buffer: {max_delay_s: 0.3, max_jump_s: 4}
 paper:
   mode: mapping
   motion_noise: [1, 2, 3, 4, 5, 6]
@@ -108,7 +108,7 @@ paper:
                                     "robot.yaml");
   EXPECT_EQ(config.estimator, EstimatorType::kPaper);
   EXPECT_EQ(config.buffer.max_delay_s, 0.3);
-  EXPECT_EQ(config.buffer.max_jump_back_s, 4.0);
+  EXPECT_EQ(config.buffer.max_jump_s, 4.0);
   EXPECT_EQ(config.paper.mode, PaperMode::kMapping);
   Vector6d W;
   W << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;

@@ -12,7 +12,7 @@ Config makeConfig(PaperMode mode) {
   config.paper = sharpConfig(mode);
   config.rig_wait_s = 2.0;
   config.buffer.max_delay_s = 0.2;
-  config.buffer.max_jump_back_s = 1.0;
+  config.buffer.max_jump_s = 1.0;
   config.buffer.jump_confirmations = 1; // a single measurement shows what a jump does
   return config;
 }

@@ -100,6 +100,45 @@ def test_without_truth_there_are_pictures_and_timing(script, full_run):
     assert data["slam"] is None and data["consistency"] is None and data["timing"]["frame_longest_ms"] == 7.0
 
 
+def test_an_evaluation_with_truth_is_not_replaced_by_one_without(script, full_run, bag, tmp_path):
+    assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
+    before = {path.name: path.read_bytes() for path in full_run.iterdir()}
+    assert "evaluation_drift.png" in before
+    for more in ([], ["--no-plots"]):
+        done = script("evaluate.py", full_run, *more)
+        assert done.returncode == 0 and "kept: %s" % (full_run / "evaluation.json") in done.stdout, done.stderr
+        assert {path.name: path.read_bytes() for path in full_run.iterdir()} == before
+    out = tmp_path / "out"
+    assert "kept" not in script("evaluate.py", full_run, "--output", out, "--no-plots").stdout
+    assert numbers(out)["slam"] is None
+
+    # Of several runs, in their common folder.
+    both = [full_run, full_run / "trajectory.tum", "--output", out]
+    assert script("evaluate.py", *both, "--bag", bag).returncode == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    assert script("evaluate.py", *both).returncode == 0
+    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
+
+
+def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(script, full_run, bag):
+    def pictures():
+        return sorted(name[len("evaluation_"):-len(".png")] for name in os.listdir(str(full_run)) if name.endswith(".png"))
+    assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
+    assert pictures() == PICTURES
+    (full_run / "frames.csv").unlink()
+    assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
+    assert pictures() == [name for name in PICTURES if name != "frames"]
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
+    assert pictures() == [] and not [name for name in os.listdir(str(full_run)) if name.endswith(".svg")]
+
+
+def test_poses_before_resets_are_named(script, full_run):
+    (full_run / "summary.yaml").write_text("poses_before_resets: [31, 5]\n")
+    done = script("evaluate.py", full_run, "--no-plots")
+    assert "31 poses before a reset, in %s" % (full_run / "before_reset_1") in done.stdout, done.stderr
+    assert "5 poses before a reset, in %s" % (full_run / "before_reset_2") in done.stdout
+
+
 def test_a_run_of_trajectories_alone_will_do(script, run):
     done = script("evaluate.py", run)
     assert done.returncode == 0 and "evaluation_trajectory.png" in done.stdout, done.stderr
@@ -181,6 +220,16 @@ def test_refusals_are_one_line(script, full_run, bag, tmp_path):
         assert done.returncode == 2 and done.stdout == "", (arguments, done.stdout)
         assert done.stderr.startswith("error: ") and word in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert not (full_run / "evaluation.json").exists()
+
+
+def test_without_matplotlib_there_are_numbers(script, full_run, bag, tmp_path, monkeypatch):
+    (tmp_path / "hidden").mkdir()
+    (tmp_path / "hidden" / "matplotlib.py").write_text("raise ModuleNotFoundError('none', name='matplotlib')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "hidden"), prepend=os.pathsep)
+    done = script("evaluate.py", full_run, "--bag", bag)
+    assert done.returncode == 2 and "python3-matplotlib" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert numbers(full_run)["slam"]["matched"] == 8
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
 
 
 def test_covariances_are_read_in_their_order(full_run):

@@ -140,6 +140,8 @@ def bag_of(chunk, size=None, compression=b"none", index_pos=None, encryptor=b"",
 
 BOMB = bz2.compress(bytes(2**30))  # 1 GB in less than a kilobyte
 LONG = 2**32 - 1
+IMU = field("type", b"sensor_msgs/Imu") + field("md5sum", b"6a62c6daae103f4ff57a132d6f95cec2")
+READ = {"connection": IMU, "index": bytes(12)}  # one message of /imu, where the chunk begins
 BAGS = {
     "empty": (b"", "is empty"),
     "text": (b"hello\n" * 100, "does not begin with"),
@@ -150,14 +152,16 @@ BAGS = {
     "index elsewhere": (bag_of(b"", index_pos=20), "not where it says"),
     "index nowhere": (bag_of(b"", index_pos=2**63), "not where it says"),
     "a plugin to load": (bag_of(b"", encryptor=b"evil/Plugin"), "encrypted"),
-    "unknown compression": (bag_of(b"", compression=b"zip"), "allowed: none, bz2, lz4"),
-    "gigantic chunk": (bag_of(b"", size=LONG, compression=b"bz2"), "4294967295 bytes, allowed"),
-    "bomb that says so": (bag_of(BOMB, size=2**30, compression=b"bz2"), "1073741824 bytes, allowed"),
-    "bomb that says less": (bag_of(BOMB, size=1000, compression=b"bz2"), "cannot be unpacked"),
-    "lz4 garbage": (bag_of(bytes(1000), size=MEGABYTE, compression=b"lz4"), "cannot be unpacked"),
-    "record beyond its chunk": (bag_of(record(b"", LONG, op=b"\x02")), "beyond the end"),
-    "index of no message": (bag_of(b"", index=bytes(8) + struct.pack("<I", 2**31)), "names a message that is none"),
-    "connection's field beyond its end": (bag_of(b"", connection=struct.pack("<I", 20000) + b"a=b"), "is cut short"),
+    "unknown compression": (bag_of(b"", compression=b"zip", **READ), "allowed: none, bz2, lz4"),
+    "gigantic chunk": (bag_of(b"", size=LONG, compression=b"bz2", **READ), "4294967295 bytes, allowed"),
+    "bomb that says so": (bag_of(BOMB, size=2**30, compression=b"bz2", **READ), "1073741824 bytes, allowed"),
+    "bomb that says less": (bag_of(BOMB, size=1000, compression=b"bz2", **READ), "cannot be unpacked"),
+    "lz4 garbage": (bag_of(bytes(1000), size=MEGABYTE, compression=b"lz4", **READ), "cannot be unpacked"),
+    "record beyond its chunk": (bag_of(record(b"", LONG, op=b"\x02"), **READ), "beyond the end"),
+    "index of no message": (bag_of(b"", **dict(READ, index=bytes(8) + struct.pack("<I", 2**31))), "names a message that is none"),
+    "index of another's message": (bag_of(record(b"", op=b"\x02", conn=b"\1\0\0\0"), **READ), "names a message that is none"),
+    "no message": (bag_of(record(b"abc", op=b"\x02", conn=bytes(4)), **READ), "cannot be read on"),
+    "connection's field beyond its end": (bag_of(b"", connection=struct.pack("<I", 20000) + b"a=b"), "goes beyond the end"),
     "connection's field without name": (bag_of(b"", connection=struct.pack("<I", 3) + b"abc"), "has no name"),
     "gigantic connection": (bag_of(b"", connection=bytes(2 * MEGABYTE)), "2097152 bytes, allowed"),
 }
@@ -174,6 +178,36 @@ def test_hostile_bags(tmp_path, case):
     path.write_bytes(content)
     expect_refusal(run_bag(path, tmp_path / "out"), path, word)
     assert os.listdir(str(tmp_path)) == ["hostile.bag"]
+
+
+def io_of(command):
+    """Bytes that the process of `command` asked the system for."""
+    with subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL) as process:
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        with open("/proc/%d/io" % process.pid, encoding="ascii") as file:
+            read = int(file.readline().split()[1])
+    assert process.returncode == 0
+    return read
+
+
+def test_a_bag_with_large_chunks_is_read_once(bag, tmp_path):
+    """Chunks of 80 MB, mostly of a topic that nobody asked for; by default rosbag's are 768 KiB."""
+    import rosbag
+    from std_msgs.msg import UInt8MultiArray
+    path = tmp_path / "large.bag"
+    with rosbag.Bag(bag) as small, rosbag.Bag(str(path), "w", chunk_threshold=80 * MEGABYTE) as large:
+        for topic, message, time in small.read_messages():
+            large.write(topic, message, time)
+            if topic == "/features":
+                large.write("/image", UInt8MultiArray(data=bytes(20 * MEGABYTE)), time)
+    size = os.path.getsize(str(path))
+    assert size > 160 * MEGABYTE
+    asked = io_of([program("run_bag"), path, "--output", tmp_path / "out", "--quiet"])
+    assert asked < 1.1 * size + 10 * MEGABYTE, (asked, size)
+    assert io_of([program("run_bag"), "--check", path]) < 10 * MEGABYTE  # the index alone
+    assert limited([program("run_bag"), bag, "--output", tmp_path / "small", "--quiet"]).returncode == 0
+    for name in ("trajectory.tum", "landmarks.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "small" / name).read_bytes()
 
 
 @pytest.mark.parametrize("case", ["bomb that says so", "bomb that says less", "gigantic chunk", "data beyond the end", "text"])

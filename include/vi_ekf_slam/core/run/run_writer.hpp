@@ -57,9 +57,14 @@ class RunWriter {
   /// s of sensor time from the first to the last record.
   double sensorSeconds() const;
 
-  /// Creates `directory` and its parents; the writing functions do so too, but a long run wants to know
-  /// early.
+  /// Number of poses in each of DIR/before_reset_1, _2, ...
+  std::vector<std::size_t> earlierSizes() const;
+
+  /// Creates `directory` and its parents, as the writing functions do.
   static void makeDirectory(const std::string& directory);
+  /// Throws unless `directory` is there or can be made, which a long run wants to know early; makes none, so
+  /// that a run without results leaves no folder.
+  static void requireDirectory(const std::string& directory);
   void writeTrajectory(const std::string& directory) const;
   static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
   void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;

@@ -32,10 +32,9 @@ class MeasurementBuffer {
 
   struct Options {
     double max_delay_s = 0.2; ///< s of sensor time that a measurement may arrive after its stamp; > 0
-    double max_jump_back_s =
-        1.0; ///< s; an older stamp by more than this is a new start, by less a late message
-    /// s; a newer stamp by more than this is a gap or a wrong stamp (see ClockGuard)
-    double max_jump_ahead_s = 1.0;
+    /// s; a stamp that is older or newer than all others by more than this is a jump or wrong (see
+    /// ClockGuard)
+    double max_jump_s = 1.0;
     double max_gap_s = 30.0; ///< s; after a longer gap the estimate starts anew
     /// Measurements in a row that make a jump; 1: the first is believed. Single wrong stamps happen, five
     /// that agree are a clock.
@@ -48,7 +47,7 @@ class MeasurementBuffer {
     kAccepted,
     kLate,      ///< older than what was already handed out: dropped
     kDuplicate, ///< the stream already has a measurement of this stamp: dropped
-    kJumpBack,  ///< time went back by more than max_jump_back: nothing was stored, the caller must reset
+    kJumpBack,  ///< time went back by more than max_jump_s: nothing was stored, the caller must reset
   };
 
   explicit MeasurementBuffer(const Options& options);

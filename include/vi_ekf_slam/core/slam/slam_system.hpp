@@ -44,7 +44,7 @@ struct SystemCounts {
       bad_covariance{}; ///< of the invalid: not symmetric positive definite
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
-  std::uint64_t gaps = 0; ///< longer than max_jump_ahead_s, short enough to go on
+  std::uint64_t gaps = 0; ///< longer than max_jump_s, short enough to go on
   std::uint64_t features = 0;
   std::uint64_t features_invalid = 0;
   std::uint64_t features_used = 0;

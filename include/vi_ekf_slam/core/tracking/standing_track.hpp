@@ -3,6 +3,7 @@
 #include <unordered_map>
 
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {

@@ -40,6 +40,8 @@ class Results {
 
   /// The worker has ended: saves everything, and says so.
   void saveAtTheEnd();
+  /// Why saveAtTheEnd() could not; empty: nothing. In its thread.
+  const std::string& failure() const { return failure_; }
 
  private:
   /// Made in the worker; what it returns computes and writes, in any thread, and says what it wrote.
@@ -61,6 +63,7 @@ class Results {
   std::shared_future<void> autosave_;
   std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
   std::atomic<bool> service_saves_{false};   ///< set by the worker: no autosave begins
+  std::string failure_;
 };
 
 } // namespace vi_ekf_slam

@@ -43,8 +43,9 @@ class SlamNode {
   /// second call does nothing.
   void finish();
 
-  /// What ended the computing early; empty: nothing. Everything up to then can be saved.
-  std::string failure() const { return worker_.failure(); }
+  /// What ended the computing early, where everything up to then can be saved, or why finish() could not
+  /// save; empty: nothing. In the thread that calls finish().
+  std::string failure() const;
 
  private:
   /// What is looked after every now and then, by wall time, because the simulated clock of a bag may stand

@@ -22,7 +22,7 @@ namespace vi_ekf_slam {
 class Publishers {
  public:
   /// `frames` must outlive this; `landmarks`: in the estimator's world.
-  Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_back_s, const FrameTree& frames,
+  Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_s, const FrameTree& frames,
              MapPublisher::LandmarkSource landmarks);
 
   /// Odometry, pose, TF, paths and, after a frame when the period is over, the map; nothing as long as the

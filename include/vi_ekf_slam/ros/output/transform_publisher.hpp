@@ -12,11 +12,11 @@
 namespace vi_ekf_slam {
 
 /// Sends map -> odom -> base (REP 105), or what the configuration wants of it. A stamp that is not newer than
-/// the last one is not sent, unless time was set back by more than `max_jump_back_s`, which is a new start.
+/// the last one is not sent, unless time was set back by more than `max_jump_s`, which is a new start.
 class TransformPublisher {
  public:
   /// `frames` must outlive this.
-  TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_back_s);
+  TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_s);
 
   void publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base, const BaseFrame& base);
   /// Whether the configuration has this transform sent.
@@ -33,7 +33,7 @@ class TransformPublisher {
   bool isNews(Stamp stamp);
 
   RosConfig config_;
-  double max_jump_back_s_;
+  double max_jump_s_;
   ForeignOdometry foreign_;
   std::optional<Stamp> last_;
   tf2_ros::TransformBroadcaster broadcaster_;

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 from roslib.packages import find_node
 
-from node_runner import START, NodeRunner, bound_files
+from node_runner import START, NodeRunner, bound_files, patiently
 
 MANAGER = "slam_manager"
 
@@ -43,7 +43,7 @@ class NodeletTest(NodeRunner):
 
     def start_nodelet(self, preexec_fn=None, **parameters):
         """(manager, what loaded the nodelet), once it listens."""
-        self.set_parameters(parameters)
+        self.set_parameters(patiently(parameters))
         self.wait_for(lambda: not any(p.get_num_connections() for p in self.publishers.values()))
         nodelet = find_node("nodelet", "nodelet")[0]
         manager = self.start_process(nodelet, "manager", "__name:=" + MANAGER, preexec_fn=preexec_fn)

@@ -2,12 +2,8 @@
 """A bag through slam.launch and through run_bag gives the same files."""
 
 import os
-import shutil
-import socket
 import subprocess
 import sys
-import tempfile
-import unittest
 
 import numpy as np
 import rospkg
@@ -16,17 +12,9 @@ import yaml
 from tf2_msgs.msg import TFMessage
 
 import drive_data
+from launch_runner import LIMIT, PACKAGE, LaunchRunner
 
-PACKAGE = "vi_ekf_slam"
 SAME_FILES = ("trajectory.tum", "dead_reckoning.tum", "covariance.csv", "landmarks.csv")
-# s; playing takes 6 s / rate.
-LIMIT = 60.0
-
-
-def _free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def _read(*path):
@@ -34,35 +22,19 @@ def _read(*path):
         return file.read()
 
 
-class Playback(unittest.TestCase):
+class Playback(LaunchRunner):
     """Runs both programs on the same generated bag."""
 
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="vi_ekf_slam_playback_")
-        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-        self.bag = os.path.join(self.folder, "drive.bag")
-        self.config = os.path.join(os.path.dirname(os.path.abspath(__file__)), "test_config.yaml")
-        drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
-
-    def run_bag(self, config=None, name="run_bag"):
-        """Folder of run_bag's results, made anew; what it said is in self.said."""
+    def run_bag(self, config=None, name="run_bag", status=0):
+        """Folder of run_bag's results, made anew; what it said is in self.said. `status`: what it ends with."""
         output = os.path.join(self.folder, name)
         config = self.config if config is None else config
         done = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output]
-                              + (["--config", config] if config else []),
-                              check=True, timeout=LIMIT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        self.said, self.warned = done.stdout.decode(), done.stderr.decode()
-        return output
-
-    def launch(self, *arguments):
-        """Runs slam.launch with a master of its own; returns its log."""
-        port = _free_port()
-        environment = dict(os.environ, ROS_MASTER_URI="http://localhost:%d" % port)
-        launch_file = os.path.join(rospkg.RosPack().get_path(PACKAGE), "launch", "slam.launch")
-        command = ["roslaunch", "-p", str(port), launch_file, "bag:=" + self.bag, "config:=" + self.config, "rate:=4"]
-        done = subprocess.run(command + list(arguments), env=environment, timeout=LIMIT, check=False,
+                              + (["--config", config] if config else []), check=False, timeout=LIMIT,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        return done.stdout.decode(errors="replace")
+        self.said = done.stdout.decode()
+        self.assertEqual(status, done.returncode, self.said)
+        return output
 
     def check_equal(self, expected, actual, log):
         """The same text in all result files, and a frame for each that was recorded."""
@@ -75,14 +47,14 @@ class Playback(unittest.TestCase):
     def test_node_and_nodelet_compute_what_run_bag_computes(self):
         """Byte for byte; the default folder of a bag's results is beside it."""
         expected = self.run_bag()
-        log = self.launch()
+        log = self.play()
         self.check_equal(expected, os.path.join(self.folder, "drive_slam"), log)
         noise = [line for line in self.said.splitlines() if line.startswith("noise: ")]
         self.assertEqual(3, len(noise), self.said)
         for line in noise:
             self.assertEqual(1, log.count(line), log)
         nodelet = os.path.join(self.folder, "nodelet")
-        log = self.launch("nodelet:=true", "output_dir:=" + nodelet)
+        log = self.play("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
 
     def test_velocities_of_another_frame_are_carried_to_the_imu(self):
@@ -100,7 +72,7 @@ class Playback(unittest.TestCase):
             messages.insert(0, messages.pop(next(i for i, (name, _) in enumerate(messages) if name == topic)))
             drive_data.write_bag(self.bag, messages)
             expected = self.run_bag(name="run_" + topic)
-            log = self.launch("output_dir:=" + os.path.join(self.folder, "node_" + topic))
+            log = self.play("output_dir:=" + os.path.join(self.folder, "node_" + topic))
             self.check_equal(expected, os.path.join(self.folder, "node_" + topic), log)
             summary = yaml.safe_load(_read(expected, "summary.yaml"))
             self.assertEqual(61, summary["processed"]["velocity"], summary)
@@ -113,19 +85,45 @@ class Playback(unittest.TestCase):
             drive_data.write_bag(self.bag, [(t, drive_data.base_velocity(m.header.stamp, frame) if t == "velocity" else m)
                                             for t, m in drive_data.drive()])
             output = self.run_bag(name=frame)
-            problems = [line for line in self.warned.splitlines() if "'%s'" % frame in line]
-            self.assertEqual(1, len(problems), self.warned)
+            problems = [line for line in self.said.splitlines() if "'%s'" % frame in line]
+            self.assertEqual(1, len(problems), self.said)
             self.assertIn(advice, problems[0])
             self.assertEqual(61, len(_read(output, "trajectory.tum").splitlines()))
 
     def test_a_bag_without_features_ends_too(self):
         """Dead reckoning is saved, the same as run_bag's; the player's clock, which runs on, keeps nothing alive."""
         drive_data.write_bag(self.bag, [m for m in drive_data.drive(calibrated=False) if m[0] != "features"])
-        expected = self.run_bag()
-        log = self.launch()
+        expected = self.run_bag(status=2)
+        self.assertIn("no message on /features", self.said)
+        log = self.play()
+        self.assertIn("no message yet on /features", log)
         for name in SAME_FILES:
             self.assertEqual(_read(expected, name), _read(self.folder, "drive_slam", name), log)
         self.assertEqual(61, len(_read(expected, "trajectory.tum").splitlines()))
+
+    def test_inputs_that_never_come_are_errors_of_run_bag(self):
+        """Each by its name; the rest is computed. Dead reckoning needs no features."""
+        for name in ("imu", "velocity", "features"):
+            output = os.path.join(self.folder, "without_" + name)
+            done = subprocess.run([drive_data.program("run_bag"), self.bag, "--output", output, "--quiet",
+                                   "--%s=/foo" % name], check=False, timeout=LIMIT, stderr=subprocess.PIPE)
+            said = done.stderr.decode()
+            lines = 2 if name == "imu" else 1  # velocities have nowhere to be carried to then, which is said too
+            self.assertEqual((2, lines), (done.returncode, len(said.splitlines())), said)
+            named = "/foo or /wheel_odometry" if name == "velocity" else "/foo"
+            self.assertIn("no message on %s, which" % named, said)
+            self.assertTrue(os.path.isfile(os.path.join(output, "summary.yaml")))
+        config = os.path.join(rospkg.RosPack().get_path(PACKAGE), "config", "dead_reckoning.yaml")
+        drive_data.write_bag(self.bag, [m for m in drive_data.drive(calibrated=False) if m[0] != "features"])
+        self.run_bag(config)
+
+    def test_poses_before_a_reset_are_named(self):
+        """By run_bag, and in the summary."""
+        drive_data.write_bag(self.bag, drive_data.drive(2.0) + drive_data.drive(1.0, start=2000.0))
+        output = self.run_bag()
+        self.assertIn("21 poses from before are in %s/before_reset_1\n" % output, self.said)
+        self.assertEqual([21], yaml.safe_load(_read(output, "summary.yaml"))["poses_before_resets"])
+        self.assertEqual(21, len(_read(output, "before_reset_1", "trajectory.tum").splitlines()))
 
     def test_run_bag_without_a_configuration_takes_the_default_one(self):
         """Which is built in; its summary says so, and which noise it took from where."""

@@ -24,7 +24,12 @@ IMU, LEFT, RIGHT = "imu_link", "left_camera_optical", "right_camera_optical"
 
 def program(name):
     """Path of a program of the package in the workspace that is sourced."""
-    return find_node("vi_ekf_slam", name)[0]  # unlike rosrun it does look below the package's own build folder
+    return program_of("vi_ekf_slam", name)
+
+
+def program_of(package, name):
+    """Path of a program of any package."""
+    return find_node(package, name)[0]  # unlike rosrun it does look below the package's own build folder
 
 
 def _header(message, stamp, frame):
@@ -157,10 +162,14 @@ def stamp_of(message):
     return (message.transforms[0] if hasattr(message, "transforms") else message).header.stamp
 
 
-def write_bag(path, messages):
-    """Writes the drive, plus a topic that no node listens to."""
+def write_bag(path, messages, latched=False):
+    """Writes the drive, plus a topic that no node listens to. latched: whether /tf_static is, as a robot records it."""
     with rosbag.Bag(path, "w") as bag:
         for topic, message in messages:
-            bag.write("/" + topic.lstrip("/"), message, stamp_of(message))
+            header = None
+            if latched and topic == "/tf_static":
+                header = {"topic": topic, "type": message._type, "md5sum": message._md5sum, "latching": "1",
+                          "message_definition": message._full_text}
+            bag.write("/" + topic.lstrip("/"), message, stamp_of(message), connection_header=header)
             if topic == "velocity":
                 bag.write("/ground_truth/velocity", message, stamp_of(message))

@@ -86,6 +86,36 @@ class Ending(NodeRunner):
         self.assertEqual(1, node.wait(20))
         self.assertGreater(self.poses(), 255)
 
+    def test_without_a_message_nothing_is_saved_or_replaced(self):
+        """Neither a folder that was not there, nor over what an earlier run has left."""
+        with open(os.path.join(self.output, "trajectory.tum"), "w", encoding="ascii") as file:
+            file.write("of an earlier run")
+        for folder in (self.output, os.path.join(self.output, "new", "run")):
+            node = self.start_node(output_dir=folder, autosave_period=0.1)
+            time.sleep(1.5)  # longer than the s in which the node looks after such things
+            node.send_signal(signal.SIGINT)
+            self.assertEqual(0, node.wait(20))
+        self.assertEqual(["trajectory.tum"], os.listdir(self.output))
+        with open(os.path.join(self.output, "trajectory.tum"), encoding="ascii") as file:
+            self.assertEqual("of an earlier run", file.read())
+
+    def test_a_missing_map_leaves_no_folder(self):
+        """Nor does resuming move anything before the map is read."""
+        for resume in (False, True):
+            new = os.path.join(self.output, "new")
+            self.assertIn("none.bag", self.refused(output_dir=new, resume=resume, map_file="/none.bag"))
+            self.assertEqual([], os.listdir(self.output))
+
+    def test_a_folder_that_went_away_is_a_failure(self):
+        """Where the results cannot be saved the status says so."""
+        folder = os.path.join(self.output, "run")
+        node = self.start_node(output_dir=folder, autosave_period=0)
+        self.play_and_hear()
+        with open(folder, "w", encoding="ascii") as file:
+            file.write("in the way")
+        node.send_signal(signal.SIGINT)
+        self.assertEqual(1, node.wait(20))
+
     def test_a_period_that_is_none_is_refused(self):
         """Named with what is allowed."""
         for value in (-1.0, "often", True):

@@ -1,0 +1,137 @@
+"""The node behind slam.launch bag:=FILE: plays the bag, and ends roslaunch when slam_node has answered all of it.
+
+A shell around rosbag's player: nothing is lost, because it waits for its listeners and never drops. slam_node and the
+recorder save what they have when roslaunch ends them. A bag that cannot be played ends this node with status 2.
+"""
+
+import subprocess
+import time
+
+import rosgraph
+import rospy
+from nav_msgs.msg import Odometry
+from roslib.packages import find_node
+from rosgraph_msgs.msg import Clock
+from tf2_msgs.msg import TFMessage
+
+from vi_ekf_slam.ros.own_launch import end_own_launch
+from vi_ekf_slam.ros.recorded_bag import STATIC_TRANSFORMS, TRANSFORMS, OwnTransforms, PlayError, RecordedBag, find_bag
+
+# A recorder that has not subscribed by then (wall time) will not.
+START_LIMIT_S = 30.0
+# Nothing moved for this long (wall time): the bag is over and what the node has not answered it will not answer.
+QUIET_S = 5.0
+
+
+class Player:
+    """rosbag's player as a child, and what is heard of slam_node meanwhile. Use as a context: its end ends the child."""
+
+    def __init__(self, bag, node, rate, window):
+        self.goal, self.end = bag.goal, bag.end
+        self.answered, self.clock, self.last_move = rospy.Time(), rospy.Time(), None
+        # The player waits for a listener on every topic; the foreign ones may have none but us.
+        self.stand_ins = [rospy.Subscriber(topic, rospy.AnyMsg, lambda _: None) for topic in bag.unheard]
+        self.own_transforms = OwnTransforms(node, bag.imu_frame)
+        self.transforms = rospy.Publisher(TRANSFORMS, TFMessage, queue_size=1000) if TRANSFORMS in bag.played else None
+        self.listeners = [rospy.Subscriber("odometry", Odometry, self.on_odometry, queue_size=1000),
+                          rospy.Subscriber("/clock", Clock, self.on_clock, queue_size=100),
+                          rospy.Subscriber("~tf", TFMessage, self.on_transforms, queue_size=1000)]
+        # With --pdeathsig it does not outlive us, whatever ends us.
+        self.command = ["setpriv", "--pdeathsig", "KILL", "--", find_node("rosbag", "play")[0], "--clock",
+                        "--keep-alive", "--wait-for-subscribers", "--quiet", "--queue=0", "--rate=%s" % rate] + window + \
+            ["--topics"] + bag.played + ["--bags", bag.path, "%s:=%s" % (TRANSFORMS, rospy.resolve_name("~tf")),
+                                         "%s:=%s" % (STATIC_TRANSFORMS, rospy.resolve_name(STATIC_TRANSFORMS))]
+        self.process = None
+
+    def __enter__(self):
+        self.process = subprocess.Popen(self.command, stdin=subprocess.DEVNULL)
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()  # it has nothing to save, and while it waits for its listeners it hears no SIGINT
+        self.process.wait()
+
+    def on_odometry(self, message):
+        """The node has answered up to this stamp."""
+        if message.header.stamp > self.answered:
+            self.answered = message.header.stamp
+            self.last_move = time.monotonic()
+
+    def on_clock(self, message):
+        """The player has played up to this time; its clock runs on when the bag is over."""
+        if message.clock != self.clock:
+            if self.clock <= self.end:
+                self.last_move = time.monotonic()
+            self.clock = message.clock
+
+    def on_transforms(self, message):
+        """Passes on what slam_node does not send itself."""
+        foreign = [transform for transform in message.transforms if transform not in self.own_transforms]
+        if foreign:
+            self.transforms.publish(TFMessage(foreign))
+
+    def is_over(self):
+        """Whether there is nothing left to wait for."""
+        if self.clock != rospy.Time():  # it plays: images need not come here
+            for stand_in in self.stand_ins:
+                stand_in.unregister()
+            self.stand_ins = []
+        if self.goal is not None and self.answered >= self.goal:
+            return True
+        quiet = self.last_move is not None and time.monotonic() - self.last_move > QUIET_S
+        if quiet and self.goal is not None:
+            rospy.logwarn("play_bag: the bag is over; the node has answered up to %s, the last measurement is of %s",
+                          self.answered, self.goal)
+        return quiet
+
+
+def wait_for_listener(node):
+    """Waits until the node listens to the odometry, so that it misses nothing."""
+    topic = rospy.resolve_name("odometry")
+    master = rosgraph.Master(rospy.get_name())
+    end = time.monotonic() + START_LIMIT_S
+    while not rospy.is_shutdown() and node not in dict(master.getSystemState()[1]).get(topic, []):
+        if time.monotonic() > end:
+            raise PlayError("%s does not listen to %s" % (node, topic))
+        time.sleep(0.1)
+
+
+def number(name, is_allowed, allowed):
+    """The private parameter as a number."""
+    value = rospy.get_param("~" + name)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_allowed(value):
+        raise PlayError("~%s is %s, allowed: %s" % (name, value, allowed))
+    return float(value)
+
+
+def play():
+    """Plays to the end; PlayError where that is not reached."""
+    rate = number("rate", lambda x: 0.0 < x < float("inf"), "a positive number")
+    start = number("start", lambda x: 0.0 <= x < float("inf"), "s, not negative")
+    duration = number("duration", lambda x: 0.0 <= x < float("inf"), "s, not negative; 0: to the end")
+    node = rospy.resolve_name("slam")
+    bag = RecordedBag(find_bag(str(rospy.get_param("~bag"))), node, start, duration)
+    if rospy.get_param("~recorded", False):
+        wait_for_listener(rospy.resolve_name("record_outputs"))
+    window = ["--start=%s" % start] + (["--duration=%s" % duration] if duration else [])
+    with Player(bag, node, rate, window) as player:
+        while not rospy.is_shutdown() and not player.is_over():
+            if player.process.poll() is not None:
+                raise PlayError("rosbag's player ended with status %d" % player.process.returncode)
+            time.sleep(0.1)
+        time.sleep(0.5)  # measurements after the last frame are under way still
+
+
+def main():
+    """Entry point."""
+    rospy.init_node("play_bag")
+    try:
+        play()
+        if not rospy.is_shutdown():
+            end_own_launch()
+        return 0
+    except KeyError as error:
+        rospy.logfatal("play_bag: the parameter %s is missing", error)
+    except (PlayError, rosgraph.MasterException) as error:
+        rospy.logfatal("play_bag: %s", error)
+    return 2

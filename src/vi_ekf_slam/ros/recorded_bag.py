@@ -1,0 +1,101 @@
+"""What of a robot's bag is played to slam_node: the inputs and what is foreign, not the answers of an earlier run."""
+
+import os
+
+import rosbag
+import rospy
+
+MEASUREMENTS = ("imu", "velocity", "wheel_odometry", "features")
+INPUTS = MEASUREMENTS + ("twist_bias", "left/camera_info", "right/camera_info")
+# What the node itself sends, and what belongs to the recording session, as where somebody told it to be.
+NOT_PLAYED = ("odometry", "dead_reckoning/odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud",
+              "initialpose", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
+TRANSFORMS, STATIC_TRANSFORMS = "/tf", "/tf_static"
+LAST_S = 5.0  # s before the end, within which the last message of each measurement is looked for
+
+
+class PlayError(Exception):
+    """The bag cannot be played; the message says why."""
+
+
+class RecordedBag:
+    """The contents of the bag from `start` s after its beginning on, for `duration` s (0: to its end).
+
+    played: topics to be played. end: time at which that part ends. goal: header stamp of the last features, or None;
+    without frames nothing says that the node is done: it may hold the last samples back for what could be late.
+    """
+
+    def __init__(self, path, node, start, duration):
+        self.path = path
+        try:
+            with rosbag.Bag(path) as bag:
+                self._read(bag, node, start, duration)
+        except (rosbag.ROSBagException, OSError) as error:
+            raise PlayError("%s: cannot be read: %s (cut short? try 'rosbag reindex')" % (path, error)) from error
+
+    def _read(self, bag, node, start, duration):
+        recorders = {}  # {topic: names of the nodes that sent it}
+        for connection in bag._get_connections():
+            recorders.setdefault(connection.topic, set()).add(connection.header.get("callerid", b"").decode(errors="replace"))
+        measurements = [rospy.resolve_name(name) for name in MEASUREMENTS]
+        if not any(topic in recorders for topic in measurements):
+            raise PlayError("%s: none of %s is in it; it has %s" %
+                            (self.path, ", ".join(measurements), ", ".join(sorted(recorders)) or "nothing"))
+        inputs = {rospy.resolve_name(name) for name in INPUTS} | {TRANSFORMS, STATIC_TRANSFORMS}
+        outputs = {rospy.resolve_name(name) for name in NOT_PLAYED}
+        self.played = sorted(
+            topic for topic, callers in recorders.items()
+            if topic in inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
+        self.unheard = [topic for topic in self.played if topic not in inputs]
+        first, last = _span(bag)
+        begin = first + start
+        if begin > last:
+            raise PlayError("~start is %g s; %s has %g s" % (start, self.path, last - first))
+        self.end = rospy.Time.from_sec(min(begin + duration, last) if duration else last)
+        self.goal = self._last_stamp(bag, rospy.resolve_name("features"), begin)
+        self.imu_frame = next((message.header.frame_id for _, message, _ in
+                               bag.read_messages([rospy.resolve_name("imu")])), None)
+
+    def _last_stamp(self, bag, topic, begin):
+        since = rospy.Time.from_sec(max(begin, self.end.to_sec() - LAST_S))
+        return max((message.header.stamp for _, message, _ in bag.read_messages([topic], since, self.end)), default=None)
+
+
+def _span(bag):
+    """Times (s) of the first and the last message; rosbag's are those of the first and last chunk, wrong once one appends."""
+    if not bag._chunks:
+        return bag.get_start_time(), bag.get_end_time()
+    return (min(chunk.start_time.to_sec() for chunk in bag._chunks), max(chunk.end_time.to_sec() for chunk in bag._chunks))
+
+
+def find_bag(path):
+    """Absolute path of the bag; a relative one is tried from where roslaunch was started (PWD) too."""
+    for folder in (os.getcwd(), os.environ.get("PWD", "")):
+        candidate = os.path.join(folder, os.path.expanduser(path))
+        if os.path.isfile(candidate):
+            return os.path.abspath(candidate)
+    raise PlayError("bag %r: no such file" % path)
+
+
+class OwnTransforms:
+    """Those that slam_node sends itself by its parameters, so that a recorded /tf must not bring them too.
+
+    That of the vehicle is one of them whether the earlier run sent it from map or odom, to the base or the IMU.
+    node: its name. imu_frame: of the bag's IMU; counts where the parameters name none.
+    """
+
+    def __init__(self, node, imu_frame):
+        def parameter(name, default):
+            return rospy.get_param("%s/ros/%s" % (node, name), default)
+        self.map, self.odom = parameter("map_frame", "map"), parameter("odom_frame", "odom")
+        imu = parameter("imu_frame", "") or (imu_frame or "").lstrip("/")
+        self.bodies = {imu, parameter("base_frame", "") or imu}
+        sends = parameter("publish_tf", True)
+        self.sends_correction = sends and parameter("publish_map_tf", True)
+        self.sends_body = sends and (parameter("publish_odom_tf", True) or parameter("single_tf", False))
+
+    def __contains__(self, transform):
+        parent, child = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
+        if child in self.bodies:
+            return self.sends_body and parent in (self.map, self.odom)
+        return self.sends_correction and (parent, child) == (self.map, self.odom)

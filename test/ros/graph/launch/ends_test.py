@@ -1,0 +1,78 @@
+#!/usr/bin/env python3
+"""How slam.launch ends: with a status, with nothing half made, and with nothing that runs on."""
+
+import os
+import sys
+
+import rostest
+
+from launch_runner import PACKAGE, LaunchRunner, processes_with
+from waiting import wait_for
+
+
+class Ends(LaunchRunner):
+    """Each with a master of its own."""
+
+    def check_refused(self, word, *arguments):
+        """Nothing is started, nothing is left, and what is wrong is said."""
+        before = sorted(os.listdir(self.folder))
+        status, said = self.launch(*arguments)
+        self.assertEqual(1, status, said)
+        self.assertIn(word, said)
+        self.assertNotIn("started with pid", said)
+        self.assertEqual(before, sorted(os.listdir(self.folder)))
+        self.assertEqual([], processes_with(self.folder))
+
+    def test_a_bag_that_is_missing_or_none(self):
+        """Named with what is wrong."""
+        self.check_refused("none.bag: no such file", "bag:=none.bag", "record:=true")
+        with open(os.path.join(self.folder, "text.bag"), "w", encoding="ascii") as file:
+            file.write("no bag\n")
+        self.check_refused("text.bag: is not a bag", "bag:=text.bag")
+
+    def test_a_configuration_with_an_error(self):
+        """With a bag, and live."""
+        bad = os.path.join(self.folder, "bad.yaml")
+        with open(bad, "w", encoding="ascii") as file:
+            file.write("invariant: {gate: -1}\n")
+        self.check_refused("invariant.gate", "bag:=drive.bag", "config:=" + bad, "record:=true")
+        self.check_refused("invariant.gate", "config:=" + bad, "output_dir:=run")
+
+    def test_a_map_that_is_missing(self):
+        """With a bag, and live."""
+        self.check_refused("none.bag", "bag:=drive.bag", "map_file:=none.bag")
+        self.check_refused("none.bag", "map_file:=none.bag", "output_dir:=run")
+
+    def test_a_node_that_cannot_start_leaves_no_player(self):
+        """The player waits for its listeners then, and hears no signal."""
+        status, said = self.launch("bag:=drive.bag", "config:=" + self.config, "output_dir:=/proc/none", "record:=true",
+                                   "record_path:=outputs.bag")
+        self.assertIn("/proc/none", said)
+        self.assertIn("REQUIRED process [slam", said)
+        self.assertEqual([], processes_with(self.folder))
+        self.assertEqual(["drive.bag"], os.listdir(self.folder))
+        self.assertEqual(0, status)  # roslaunch's own, whatever its nodes end with
+
+    def test_a_killed_launch_leaves_no_player(self):
+        """Not even kill -9 of the node that started it."""
+        process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
+        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+        for pid, _ in processes_with("play_bag.py"):
+            if self.is_child(pid, process.pid):
+                os.kill(pid, 9)
+        said = self.finish(process)
+        self.assertIn("REQUIRED process [play_bag", said)
+        self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))
+
+    @staticmethod
+    def is_child(pid, parent):
+        """Whether the process is one of `parent`; one that has ended meanwhile is not."""
+        try:
+            with open("/proc/%d/stat" % pid, encoding="ascii", errors="replace") as file:
+                return int(file.read().rsplit(")", 1)[1].split()[1]) == parent
+        except OSError:
+            return False
+
+
+if __name__ == "__main__":
+    rostest.rosrun(PACKAGE, "ends", Ends, sys.argv)
