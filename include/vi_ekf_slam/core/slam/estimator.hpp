@@ -36,6 +36,9 @@ struct LandmarkEstimate {
 
 /// What an estimator did with one stereo frame.
 struct FrameReport {
+  FrameReport() = default;
+  explicit FrameReport(const StereoFrame& frame) : stamp(frame.stamp), features(frame.features.size()) {}
+
   Stamp stamp = 0;
   std::size_t features = 0; ///< in the frame
   std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
