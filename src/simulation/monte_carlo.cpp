@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"
 

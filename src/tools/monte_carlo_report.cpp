@@ -25,12 +25,6 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return buffer;
 }
 
-void writeFile(const std::string& path, const std::string& text) {
-  AtomicFile file(path);
-  file << text;
-  file.commit();
-}
-
 double frameMean(const std::vector<SeedResult>& results, double (*value)(const SeedResult&)) {
   double sum = 0.0;
   for (const SeedResult& result : results) sum += value(result);

@@ -9,7 +9,7 @@
 
 #include "../sanitized.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
-#include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"

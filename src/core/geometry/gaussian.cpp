@@ -16,6 +16,12 @@ Eigen::Matrix<double, N, Columns> solve(const Eigen::Matrix<double, N, N>& S,
 
 } // namespace
 
+Matrix6d independentPose(double position_sigma, double rotation_sigma) {
+  Vector6d sigma;
+  sigma << Eigen::Vector3d::Constant(position_sigma), Eigen::Vector3d::Constant(rotation_sigma);
+  return sigma.cwiseAbs2().asDiagonal();
+}
+
 Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b) { return solve(S, b); }
 Eigen::Matrix3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Matrix3d& B) { return solve(S, B); }
 Vector6d solvePositive(const Matrix6d& S, const Vector6d& b) { return solve(S, b); }

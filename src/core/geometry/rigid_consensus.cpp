@@ -25,8 +25,8 @@ struct Weighted {
   Eigen::Matrix3d information;
 };
 
-/// Least squares over the chosen points, from the shift of the first one on: expected = c + t + R (seen - c),
-/// c their mean.
+/// Least squares over the chosen points of mean c, from the first one's shift: expected = c + t + R (seen -
+/// c).
 std::optional<SE3> fit(const std::vector<Weighted>& points, const Indices& chosen) {
   Eigen::Vector3d c = Eigen::Vector3d::Zero();
   for (const std::size_t i : chosen) c += points[i].point.seen / static_cast<double>(chosen.size());
@@ -38,8 +38,7 @@ std::optional<SE3> fit(const std::vector<Weighted>& points, const Indices& chose
     Vector6d gradient = Vector6d::Zero();
     for (const std::size_t i : chosen) {
       const Eigen::Vector3d turned = R * (points[i].point.seen - c);
-      Eigen::Matrix<double, 3, 6> J;
-      J << Eigen::Matrix3d::Identity(), -so3::hat(turned);
+      const Eigen::Matrix<double, 3, 6> J = se3::pointJacobian(turned);
       const Eigen::Matrix<double, 6, 3> JtW = J.transpose() * points[i].information;
       information += JtW * J;
       gradient += JtW * (points[i].point.expected - c - t - turned);
@@ -69,8 +68,7 @@ std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
   if (points.size() < enough) return std::nullopt;
   std::vector<Weighted> weighted;
   for (const Displaced& point : points) {
-    weighted.push_back(
-        {point, solvePositive(point.covariance, Eigen::Matrix3d(Eigen::Matrix3d::Identity()))});
+    weighted.push_back({point, solvePositive(point.covariance, Eigen::Matrix3d::Identity().eval())});
   }
   // The nearer half decides: distant points know nothing of a shift.
   Indices order(points.size());

@@ -37,26 +37,10 @@ Vector6d SE3::Log() const {
 
 namespace se3 {
 
-Matrix6d curlyHat(const Vector6d& u) {
-  Matrix6d m = Matrix6d::Zero();
-  m.topLeftCorner<3, 3>() = so3::hat(u.tail<3>());
-  m.bottomRightCorner<3, 3>() = m.topLeftCorner<3, 3>();
-  m.topRightCorner<3, 3>() = so3::hat(u.head<3>());
-  return m;
-}
-
-Eigen::Matrix4d hat(const Vector6d& u) {
-  Eigen::Matrix4d m = Eigen::Matrix4d::Zero();
-  m.topLeftCorner<3, 3>() = so3::hat(u.tail<3>());
-  m.topRightCorner<3, 1>() = u.head<3>();
-  return m;
-}
-
-Eigen::Matrix<double, 4, 6> odot(const Eigen::Vector3d& x) {
-  Eigen::Matrix<double, 4, 6> m = Eigen::Matrix<double, 4, 6>::Zero();
-  m.topLeftCorner<3, 3>().setIdentity();
-  m.topRightCorner<3, 3>() = -so3::hat(x);
-  return m;
+Eigen::Matrix<double, 3, 6> pointJacobian(const Eigen::Vector3d& x) {
+  Eigen::Matrix<double, 3, 6> J;
+  J << Eigen::Matrix3d::Identity(), -so3::hat(x);
+  return J;
 }
 
 Matrix6d leftJacobian(const Vector6d& xi) {

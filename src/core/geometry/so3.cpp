@@ -35,43 +35,30 @@ Eigen::Matrix3d hat(const Eigen::Vector3d& v) {
 }
 
 Eigen::Matrix3d Exp(const Eigen::Vector3d& phi) {
-  const auto [a, b, c] = coefficients(phi.squaredNorm());
-  (void)c;
+  const Coefficients k = coefficients(phi.squaredNorm());
   const Eigen::Matrix3d W = hat(phi);
-  return Eigen::Matrix3d::Identity() + a * W + b * W * W;
+  return Eigen::Matrix3d::Identity() + k.a * W + k.b * W * W;
 }
 
 Eigen::Vector3d Log(const Eigen::Matrix3d& R) {
-  // Through the quaternion: its vector part stays well conditioned at pi, where the matrix logarithm does
-  // not.
+  // Through the quaternion: its vector part is well conditioned at pi, where the matrix logarithm is not.
   const Eigen::Quaterniond q(R);
-  Eigen::Vector3d v = q.vec();
-  double w = q.w();
-  if (w < 0.0) {
-    v = -v;
-    w = -w;
-  }
-  const double n = v.norm();
+  const Eigen::Vector3d v = q.w() < 0.0 ? Eigen::Vector3d(-q.vec()) : Eigen::Vector3d(q.vec());
+  const double w = std::abs(q.w()), n = v.norm();
   if (n < 1e-10) return 2.0 / w * v;
   return 2.0 * std::atan2(n, w) / n * v;
 }
 
 Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& phi) {
-  const auto [a, b, c] = coefficients(phi.squaredNorm());
-  (void)a;
+  const Coefficients k = coefficients(phi.squaredNorm());
   const Eigen::Matrix3d W = hat(phi);
-  return Eigen::Matrix3d::Identity() + b * W + c * W * W;
+  return Eigen::Matrix3d::Identity() + k.b * W + k.c * W * W;
 }
 
 Eigen::Matrix3d leftJacobianInverse(const Eigen::Vector3d& phi) {
-  const double theta2 = phi.squaredNorm();
-  const double theta = std::sqrt(theta2);
-  double d = 0.0;
-  if (theta < kSmallAngle) {
-    d = 1.0 / 12.0 + theta2 / 720.0 + theta2 * theta2 / 30240.0;
-  } else {
-    d = 1.0 / theta2 - 0.5 / (theta * std::tan(0.5 * theta));
-  }
+  const double theta2 = phi.squaredNorm(), theta = std::sqrt(theta2);
+  const double d = theta < kSmallAngle ? 1.0 / 12.0 + theta2 / 720.0 + theta2 * theta2 / 30240.0
+                                       : 1.0 / theta2 - 0.5 / (theta * std::tan(0.5 * theta));
   const Eigen::Matrix3d W = hat(phi);
   return Eigen::Matrix3d::Identity() - 0.5 * W + d * W * W;
 }

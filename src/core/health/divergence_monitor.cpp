@@ -35,14 +35,9 @@ Divergence DivergenceMonitor::add(const Frame& frame) {
   return nis > options_.nis * dof ? Divergence::kInnovations : Divergence::kNone;
 }
 
-double DivergenceMonitor::distance() const {
+double DivergenceMonitor::sumOf(double Frame::*number) const {
   return std::accumulate(frames_.begin(), frames_.end(), 0.0,
-                         [](double sum, const Heard& heard) { return sum + heard.frame.distance; });
-}
-
-double DivergenceMonitor::angle() const {
-  return std::accumulate(frames_.begin(), frames_.end(), 0.0,
-                         [](double sum, const Heard& heard) { return sum + heard.frame.angle; });
+                         [=](double sum, const Heard& heard) { return sum + heard.frame.*number; });
 }
 
 } // namespace vi_ekf_slam

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
@@ -18,14 +19,7 @@ constexpr double kLostRotation = 0.1;  // rad
 constexpr double kAnyPosition = 1e3;   // m, where nothing is known
 constexpr double kAnyRotation = 2.0;   // rad
 constexpr double kSampled = 0.5;       // s, from one sample to the next where the twist is measured
-constexpr double kAnyAngle =
-    1.0; // rad, standard deviation of an angle that may be any, as far as it is linear
-
-Matrix6d independent(double position_sigma, double rotation_sigma) {
-  Vector6d sigma;
-  sigma << Eigen::Vector3d::Constant(position_sigma), Eigen::Vector3d::Constant(rotation_sigma);
-  return sigma.cwiseAbs2().asDiagonal();
-}
+constexpr double kAnyAngle = 1.0;      // rad, standard deviation: may be any, as far as that is linear
 
 /// The landmarks that were matched, and where they are seen.
 std::vector<Displaced> displacedPoints(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
@@ -82,26 +76,24 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
                            static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
   const auto motion = commonMotion(displacedPoints(filter, map, model, frame, associations));
-  if (divergence != Divergence::kNone) {
-    // Features that do not even agree with each other cannot have misled the estimate: they were not used.
-    if (divergence == Divergence::kRejections && !motion) {
-      monitor_.restart();
-    } else {
-      // Frames that were refused have not misled the twist, which samples measured meanwhile.
-      const TwistNoise sampled =
-          divergence == Divergence::kRejections
-              ? TwistNoise{noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)}
-              : TwistNoise{};
-      distrust(filter, SE3(),
-               independent(std::max(kLostPosition, monitor_.distance()),
-                           std::clamp(monitor_.angle(), kLostRotation, kAnyAngle)),
-               true, sampled);
-    }
+  if (divergence == Divergence::kNone) {
+    if (!motion || !isJump(filter, *motion)) return Divergence::kNone;
+    followJump(filter, *motion);
+    return Divergence::kJump;
+  }
+  const bool refused = divergence == Divergence::kRejections;
+  // Features that do not even agree with each other cannot have misled the estimate: they were not used.
+  if (refused && !motion) {
+    monitor_.restart();
     return divergence;
   }
-  if (!motion || !isJump(filter, *motion)) return Divergence::kNone;
-  followJump(filter, *motion);
-  return Divergence::kJump;
+  // Frames that were refused have not misled the twist, which samples measured meanwhile.
+  TwistNoise sampled;
+  if (refused) sampled = {noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)};
+  const Matrix6d lost = independentPose(std::max(kLostPosition, monitor_.distance()),
+                                        std::clamp(monitor_.angle(), kLostRotation, kAnyAngle));
+  distrust(filter, SE3(), lost, true, sampled);
+  return divergence;
 }
 
 /// Whether the motion (world) is more than what the vehicle may have driven, since the last frame and, with
@@ -117,8 +109,8 @@ void Recovery::followJump(Filter& filter, const SE3& motion) {
   const SE3& pose = filter.pose();
   Vector6d displacement;
   displacement << motion * pose.translation() - pose.translation(), so3::Log(motion.rotation());
-  Matrix6d covariance = independent(kJumpPrecision * displacement.head<3>().norm(),
-                                    kJumpPrecision * displacement.tail<3>().norm());
+  Matrix6d covariance = independentPose(kJumpPrecision * displacement.head<3>().norm(),
+                                        kJumpPrecision * displacement.tail<3>().norm());
   covariance += displacement * displacement.transpose();
   distrust(filter, pose.inverse() * motion * pose, covariance, false);
 }
@@ -132,7 +124,7 @@ void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covar
 }
 
 bool Recovery::relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance) {
-  resetPose(filter, filter.pose().inverse() * pose, independent(kAnyPosition, kAnyRotation));
+  resetPose(filter, filter.pose().inverse() * pose, independentPose(kAnyPosition, kAnyRotation));
   monitor_.restart();
   const auto told = LinearMeasurement(Vector6d::Zero(), covariance).by(0, Matrix6d::Identity());
   return filter.correct(told) && isValid(filter, true);
@@ -152,7 +144,7 @@ bool Recovery::check(const Filter& filter, Stamp stamp, bool thoroughly) {
 
 Matrix6d Recovery::checkpointCovariance(Stamp now, double speed) const {
   const double elapsed = secondsBetween(stamp_, now);
-  return covariance_ + independent(std::max(kLostPosition, elapsed * speed), kLostRotation);
+  return covariance_ + independentPose(std::max(kLostPosition, elapsed * speed), kLostRotation);
 }
 
 } // namespace vi_ekf_slam

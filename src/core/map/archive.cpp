@@ -1,7 +1,5 @@
 #include "vi_ekf_slam/core/map/archive.hpp"
 
-#include "vi_ekf_slam/core/geometry/so3.hpp"
-
 namespace vi_ekf_slam {
 
 void Archive::put(const LandmarkEstimate& landmark) {
@@ -17,8 +15,7 @@ void Archive::move(const SE3& to_T_frame, const Eigen::Vector3d& about, const Ma
   const Eigen::Matrix3d& R = to_T_frame.rotation();
   for (auto& [id, landmark] : landmarks_) {
     landmark.position = to_T_frame * landmark.position;
-    Eigen::Matrix<double, 3, 6> J;
-    J << Eigen::Matrix3d::Identity(), -so3::hat(landmark.position - about);
+    const Eigen::Matrix<double, 3, 6> J = se3::pointJacobian(landmark.position - about);
     const Eigen::Matrix3d covariance =
         2.0 * (R * landmark.covariance * R.transpose() + J * alignment * J.transpose());
     landmark.covariance = 0.5 * (covariance + covariance.transpose());

@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/map/duplicates.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
@@ -37,10 +36,6 @@ std::vector<bool> agreeing(const Innovation& in, std::size_t h) {
 }
 
 } // namespace
-
-std::size_t Fusion::count() const {
-  return static_cast<std::size_t>(std::count(fused.begin(), fused.end(), true));
-}
 
 Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma) {
   Fusion result{std::vector<bool>(pairs.size(), false)};

@@ -24,6 +24,19 @@ void LandmarkMap::drop(std::size_t index) {
   active_.pop_back();
 }
 
+void LandmarkMap::putInactive(Landmark landmark) {
+  landmark.reactivated = false;
+  landmark.in_map = true;
+  inactive_by_id_[landmark.id] = landmark.variable;
+  inactive_[landmark.variable] = landmark;
+}
+
+Landmark LandmarkMap::takeInactive(Handle variable) {
+  const Landmark landmark = inactive_.extract(variable).mapped();
+  inactive_by_id_.erase(landmark.id);
+  return landmark;
+}
+
 bool LandmarkMap::isGood(const Landmark& landmark) const {
   return options_.keep == MapKeep::kAll || landmark.in_map ||
          (landmark.observations >= kArchivedObservations &&
@@ -48,12 +61,8 @@ void LandmarkMap::discard(Filter& filter, std::size_t index) {
 }
 
 void LandmarkMap::deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
-  Landmark landmark = active_[index];
-  landmark.reactivated = false;
-  landmark.in_map = true;
-  filter.deactivate(landmark.variable, noise);
-  inactive_by_id_[landmark.id] = landmark.variable;
-  inactive_[landmark.variable] = landmark;
+  filter.deactivate(active_[index].variable, noise);
+  putInactive(active_[index]);
   drop(index);
 }
 
@@ -62,12 +71,9 @@ void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids, 
   for (const FeatureId id : ids) handles.push_back(inactive_by_id_.at(id));
   filter.activate(handles);
   for (const Handle handle : handles) {
-    Landmark landmark = inactive_.at(handle);
-    landmark.reactivated = true;
-    landmark.last_seen = now;
-    inactive_by_id_.erase(landmark.id);
-    inactive_.erase(handle);
-    active_.push_back(landmark);
+    active_.push_back(takeInactive(handle));
+    active_.back().reactivated = true;
+    active_.back().last_seen = now;
   }
 }
 
@@ -78,29 +84,23 @@ void LandmarkMap::bound(Filter& filter, bool all) {
   if (held <= most) return;
   const std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false);
   for (const Handle handle : filter.marginaliseOldest(held - most + most / 4)) {
-    const Landmark landmark = inactive_.at(handle);
+    const Landmark landmark = takeInactive(handle);
     const auto estimate = std::find_if(before.begin(), before.end(),
                                        [handle](const auto& e) { return e.variable.handle == handle; });
     if (landmark.observations >= kArchivedObservations)
       archive_.put({landmark.id, estimate->variable.mean, estimate->covariance});
-    inactive_by_id_.erase(landmark.id);
-    inactive_.erase(handle);
   }
 }
 
-void LandmarkMap::adopt(Filter& filter, const std::vector<Landmark>& landmarks,
-                        const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance,
+void LandmarkMap::adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance,
                         Eigen::MatrixXd cross) {
   inactive_.clear();
   inactive_by_id_.clear();
+  std::vector<Eigen::Vector3d> positions;
+  for (const SavedLandmark& landmark : map.landmarks) positions.push_back(landmark.position);
   const std::vector<Handle> handles = filter.adopt(positions, std::move(covariance), std::move(cross));
-  for (std::size_t i = 0; i < handles.size(); ++i) {
-    Landmark landmark = landmarks[i];
-    landmark.variable = handles[i];
-    landmark.in_map = true;
-    inactive_by_id_[landmark.id] = handles[i];
-    inactive_[handles[i]] = landmark;
-  }
+  for (std::size_t i = 0; i < handles.size(); ++i)
+    putInactive({map.landmarks[i].id, handles[i], map.landmarks[i].observations, map.stamp, map.stamp});
 }
 
 void LandmarkMap::clear() {
@@ -114,6 +114,7 @@ void LandmarkMap::archiveAll(const Filter& filter) {
     if (l.position.allFinite() && l.covariance.allFinite() && (l.covariance.diagonal().array() >= 0.0).all())
       archive_.put(l);
   }
+  clear();
 }
 
 LandmarkEstimate LandmarkMap::estimateOf(const Filter& filter, const Landmark& landmark) const {
@@ -122,8 +123,7 @@ LandmarkEstimate LandmarkMap::estimateOf(const Filter& filter, const Landmark& l
 }
 
 std::vector<LandmarkEstimate> LandmarkMap::estimates(const Filter& filter, bool exact) const {
-  // Of several estimates of one landmark the first one stays: of one that is seen again but not yet fused the
-  // map's.
+  // Of several estimates of one landmark the first stays: of one seen again but not yet fused the map's.
   std::vector<LandmarkEstimate> all;
   all.reserve(archive_.landmarks().size() + active_.size() + inactive_.size());
   for (const InactiveStore::Estimate& e : filter.inactive().estimates(exact))

@@ -10,7 +10,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kBetween = 2.0;           // s between attempts, each of which may take some 0.1 s
+constexpr double kBetween = 2.0;             // s between attempts, each of which may take some 0.1 s
 constexpr double kOperationsPerSecond = 2e9; // operations, on the average
 constexpr std::size_t kObservationsNow = 5;
 constexpr double kRadius = 70.0; // m about the vehicle
@@ -18,7 +18,7 @@ constexpr double kRadius = 70.0; // m about the vehicle
 constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
 constexpr std::size_t kLeastBefore = 40;   // landmarks, for a place to be recognised
 constexpr std::size_t kLeastAgreeing = 10; // matches that the filter itself must find compatible
-constexpr double kNearPoint = 0.3;         // m: a corner found anew is not the corner found before, but near it
+constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner found before, but near it
 
 } // namespace
 
@@ -51,7 +51,7 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
     if (l.observations >= kObservationsNow && (position - about).norm() < kRadius)
       seen_now.push_back({l.id, position});
   }
-  const auto recognition = PlaceRecogniser().recognise(seen_now, seen_before, about, covariance);
+  const auto recognition = recognisePlace(seen_now, seen_before, about, covariance);
   if (!recognition) return false;
 
   allowance_ = 0.0;

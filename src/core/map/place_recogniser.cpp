@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/core/map/place_recogniser.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -9,7 +8,7 @@
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/map/point_grid.hpp"
+#include "vi_ekf_slam/core/map/points.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -33,23 +32,17 @@ struct Match {
   Eigen::Vector3d now, before;
 };
 
-/// The rotation and shift that move the first points onto the second ones best (Umeyama 1991, without scale).
+using Pairs = std::vector<std::pair<std::size_t, std::size_t>>; // indices of points (now, before)
+
+/// The rotation and shift that move the points seen now onto those seen before best.
 SE3 rigid(const std::vector<Match>& matches) {
-  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();
-  for (const Match& m : matches) {
-    from += m.now;
-    to += m.before;
+  Eigen::Matrix3Xd now(3, matches.size()), before(3, matches.size());
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    now.col(static_cast<Eigen::Index>(i)) = matches[i].now;
+    before.col(static_cast<Eigen::Index>(i)) = matches[i].before;
   }
-  const auto count = static_cast<double>(matches.size());
-  from /= count;
-  to /= count;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const Match& m : matches) covariance += (m.before - to) * (m.now - from).transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1.0, 1.0,
-                        (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0.0 ? -1.0 : 1.0);
-  const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
-  return SE3(R, to - R * from).normalized();
+  const Eigen::Matrix4d T = Eigen::umeyama(now, before, false);
+  return SE3(T.topLeftCorner<3, 3>(), T.topRightCorner<3, 1>()).normalized();
 }
 
 /// What is possible under the covariance of the vehicle's pose.
@@ -62,8 +55,7 @@ class Gate {
 
   /// Whether a point at `now` may be the one at `before`.
   bool allows(const Eigen::Vector3d& now, const Eigen::Vector3d& before) const {
-    Eigen::Matrix<double, 3, 6> J;
-    J << Eigen::Matrix3d::Identity(), -so3::hat(now - about_);
+    const Eigen::Matrix<double, 3, 6> J = se3::pointJacobian(now - about_);
     Eigen::Matrix3d S = J * covariance_ * J.transpose();
     S.diagonal().array() += kTolerance * kTolerance;
     const Eigen::Vector3d d = before - now;
@@ -93,18 +85,15 @@ class Gate {
   double turn_; // rad
 };
 
-/// The points seen now, each with its nearest one seen before after `before_T_now`, if it is near and takes
-/// no other.
-std::vector<std::pair<std::size_t, std::size_t>> pairUp(const std::vector<PlacePoint>& now,
-                                                        const PointGrid& before, const SE3& before_T_now,
-                                                        double tolerance) {
+/// The points seen now, each with its nearest one seen before after `before_T_now`, if near; one to one.
+Pairs pairUp(const std::vector<PlacePoint>& now, const PointGrid& before, const SE3& before_T_now) {
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
   for (std::size_t i = 0; i < now.size(); ++i) {
-    const auto found = before.nearest(before_T_now * now[i].position, tolerance);
+    const auto found = before.nearest(before_T_now * now[i].position, kTolerance);
     if (found) near.emplace_back(found->second, i, found->first);
   }
   std::sort(near.begin(), near.end());
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  Pairs pairs;
   std::vector<bool> taken(before.size(), false);
   for (const auto& [distance, i, j] : near) {
     if (taken[j]) continue;
@@ -114,37 +103,24 @@ std::vector<std::pair<std::size_t, std::size_t>> pairUp(const std::vector<PlaceP
   return pairs;
 }
 
-std::vector<Match> matchesOf(const std::vector<std::pair<std::size_t, std::size_t>>& pairs,
-                             const std::vector<PlacePoint>& now, const std::vector<PlacePoint>& before) {
+std::vector<Match> matchesOf(const Pairs& pairs, const std::vector<PlacePoint>& now,
+                             const std::vector<PlacePoint>& before) {
   std::vector<Match> matches;
   for (const auto& [i, j] : pairs) matches.push_back({now[i].position, before[j].position});
   return matches;
 }
 
-/// Standard deviation (m) along the second longest axis of where the matches are.
-double spread(const std::vector<Match>& matches) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Match& m : matches) mean += m.now / static_cast<double>(matches.size());
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const Match& m : matches)
-    covariance += (m.now - mean) * (m.now - mean).transpose() / static_cast<double>(matches.size());
-  return std::sqrt(
-      std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues()[1]));
-}
-
 /// How many points find a partner where there is none to find: the same points, moved by some metres.
 double byChance(const std::vector<PlacePoint>& now, const PointGrid& before, const SE3& before_T_now) {
   double sum = 0.0;
-  int count = 0;
   for (const double x : {-3.0, 0.0, 3.0}) {
     for (const double y : {-3.0, 0.0, 3.0}) {
       if (x == 0.0 && y == 0.0) continue;
       const SE3 aside(Eigen::Matrix3d::Identity(), {x, y, 0.0});
-      sum += static_cast<double>(pairUp(now, before, aside * before_T_now, kTolerance).size());
-      ++count;
+      sum += static_cast<double>(pairUp(now, before, aside * before_T_now).size());
     }
   }
-  return sum / count;
+  return sum / 8.0;
 }
 
 /// How many of the points seen now are where something was seen before.
@@ -159,15 +135,14 @@ double overlap(const std::vector<PlacePoint>& now, const std::vector<Eigen::Vect
 
 struct Candidate {
   SE3 before_T_now;
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  Pairs pairs;
 };
 
 } // namespace
 
-std::optional<Recognition> PlaceRecogniser::recognise(const std::vector<PlacePoint>& now,
-                                                      const std::vector<PlacePoint>& before,
-                                                      const Eigen::Vector3d& about,
-                                                      const Matrix6d& covariance) const {
+std::optional<Recognition> recognisePlace(const std::vector<PlacePoint>& now,
+                                          const std::vector<PlacePoint>& before, const Eigen::Vector3d& about,
+                                          const Matrix6d& covariance) {
   if (now.size() < kLeastPoints || before.size() < kLeastPoints) return std::nullopt;
   const Gate gate(about, covariance);
   std::mt19937 engine(static_cast<unsigned>(now.size() + 1000 * before.size()));
@@ -222,10 +197,10 @@ std::optional<Recognition> PlaceRecogniser::recognise(const std::vector<PlacePoi
       best.before_T_now = before_T_now;
     }
     if (most == 0) continue;
-    best.pairs = pairUp(now, grid, best.before_T_now, kTolerance);
+    best.pairs = pairUp(now, grid, best.before_T_now);
     for (int i = 0; i < 5 && best.pairs.size() >= 3; ++i) {
       best.before_T_now = rigid(matchesOf(best.pairs, now, before));
-      best.pairs = pairUp(now, grid, best.before_T_now, kTolerance);
+      best.pairs = pairUp(now, grid, best.before_T_now);
     }
     if (best.pairs.size() >= 3) candidates.push_back(std::move(best));
   }
@@ -235,10 +210,11 @@ std::optional<Recognition> PlaceRecogniser::recognise(const std::vector<PlacePoi
 
   const Candidate& best = candidates.front();
   const auto inliers = static_cast<double>(best.pairs.size());
-  const std::vector<Match> found = matchesOf(best.pairs, now, before);
+  std::vector<Eigen::Vector3d> found;
+  for (const auto& [i, j] : best.pairs) found.push_back(now[i].position);
   if (best.pairs.size() < kLeastInliers || inliers < kLeastShare * overlap(now, points, best.before_T_now) ||
       !gate.allows(best.before_T_now) || inliers < kBeyondChance * byChance(now, grid, best.before_T_now) ||
-      spread(found) < kLeastSpread)
+      widthOf(found) < kLeastSpread)
     return std::nullopt;
   for (const Candidate& other : candidates) {
     const double apart = (other.before_T_now * about - best.before_T_now * about).norm();

@@ -8,6 +8,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/map/points.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -21,22 +22,17 @@ constexpr double kCornerSigma = 0.05;    // m, by which a front end finds a corn
 constexpr double kCompatible = 11.345;   // chi-square, 3 degrees of freedom, 99 %
 constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
 constexpr double kLeastWidth = 0.5;      // m, of the points beside the line that they are nearest to
-// Where the drive is in the map is not known beforehand, so that the landmarks alone tell. m, rad.
-constexpr double kAnyPosition = 1e3, kAnyRotation = 2.0;
+constexpr double kRounding = 1e-12;      // of the largest variance
 
-Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : points) centre += p / static_cast<double>(points.size());
-  return centre;
-}
+/// Where the drive is in the map is not known beforehand, so that the landmarks alone tell.
+Matrix6d anyPose() { return independentPose(1e3, 2.0); }
 
 /// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
 Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);
   Eigen::MatrixXd G(3 * static_cast<Eigen::Index>(points.size()), 6);
   for (std::size_t i = 0; i < points.size(); ++i)
-    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) << Eigen::Matrix3d::Identity(),
-        -so3::hat(points[i] - centre);
+    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = se3::pointJacobian(points[i] - centre);
   return G;
 }
 
@@ -80,10 +76,11 @@ struct Matches {
   Eigen::MatrixXd covariance_here, covariance_there;
   Eigen::VectorXd weights; ///< 3n, 1/m^2: how well each is known from the vehicle
 
-  void keep(const std::vector<std::size_t>& chosen) {
+  void leaveOut(std::size_t one) {
     Matches kept;
     std::vector<Eigen::Index> rows;
-    for (const std::size_t i : chosen) {
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      if (i == one) continue;
       kept.ids.push_back(ids[i]);
       kept.here.push_back(here[i]);
       kept.there.push_back(there[i]);
@@ -101,8 +98,7 @@ std::optional<SE3> roughAlignment(const Matches& m) {
   const auto shape_there = shapeCovariances(m.there, m.covariance_there, m.weights);
   std::vector<Displaced> points;
   for (std::size_t i = 0; i < m.ids.size(); ++i) {
-    // How the one is turned against the other is not known yet: the largest of its variances in every
-    // direction.
+    // How the one is turned against the other is not known yet: its largest variance in every direction.
     const double variance = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
     points.push_back(
         {m.there[i], m.here[i],
@@ -113,8 +109,7 @@ std::optional<SE3> roughAlignment(const Matches& m) {
 
 /// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the
 /// others' transform is `there_T_here` from then on. With S the covariance of what is left of all, and r =
-/// S^-1 innovation, what one of them is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1
-/// r_i.
+/// S^-1 innovation, what one is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
 void keepCompatible(Matches& m, SE3& there_T_here) {
   while (m.ids.size() >= kLeastMatches) {
     const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
@@ -132,13 +127,10 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
     }
     S.diagonal().array() += kCornerSigma * kCornerSigma;
     const Eigen::MatrixXd G = rigidMotions(moved);
-    Vector6d any;
-    any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
-    const Eigen::MatrixXd prior = G * any.cwiseAbs2().asDiagonal();
+    const Eigen::MatrixXd prior = G * anyPose().diagonal().asDiagonal();
     S.noalias() += prior * G.transpose();
     const Eigen::MatrixXd inverse = S.llt().solve(Eigen::MatrixXd::Identity(n, n));
     const Eigen::VectorXd r = inverse * innovation;
-    std::vector<std::size_t> others;
     std::size_t worst = 0;
     double most = 0.0;
     for (std::size_t i = 0; i < m.ids.size(); ++i) {
@@ -155,51 +147,33 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
     const Eigen::Matrix3d turn = so3::Exp(motion.tail<3>());
     there_T_here = (SE3(turn, centre - turn * centre + motion.head<3>()) * there_T_here).normalized();
     if (!(most > kCompatible)) return;
-    for (std::size_t i = 0; i < m.ids.size(); ++i) {
-      if (i != worst) others.push_back(i);
-    }
-    m.keep(others);
+    m.leaveOut(worst);
   }
-}
-
-/// Whether the points tell how they are turned: they are not all near one line.
-bool spanAPlane(const std::vector<Eigen::Vector3d>& points) {
-  const Eigen::Vector3d centre = centreOf(points);
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& p : points)
-    scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvalues()[1] > kLeastWidth * kLeastWidth;
 }
 
 /// Of the landmarks, which have been moved with a filter that was `before` and is `after`.
 void moveArchive(const SE3& map_T_session, const Filter& before, const Filter& after,
                  LandmarkMap& landmarks) {
-  Matrix6d turned = Matrix6d::Zero(); // the error of the pose within this drive, along the map's axes
-  for (const Eigen::Index at : {0, 3}) turned.block<3, 3>(at, at) = map_T_session.rotation();
+  // Of the error of the pose within this drive, along the map's axes.
+  const Matrix6d turned = SE3(map_T_session.rotation(), Eigen::Vector3d::Zero()).adjoint();
   const Matrix6d own = before.covariance().topLeftCorner<6, 6>();
   const Matrix6d alignment =
       turned * own * turned.transpose() + Matrix6d(after.covariance().topLeftCorner<6, 6>());
   landmarks.archive().move(map_T_session, after.pose().translation(), 2.0 * alignment);
 }
 
-constexpr double kRounding = 1e-12; // of the largest variance
-
 } // namespace
 
-LoadedMap loadedFrom(const SavedMap& map) {
-  LoadedMap loaded{{}, {}, map.covariance};
+Eigen::MatrixXd loadedCovariance(const SavedMap& map) {
   double farthest2 = map.world_T_imu.translation().squaredNorm();
-  for (const SavedLandmark& l : map.landmarks) {
-    loaded.landmarks.push_back({l.id, 0, l.observations, map.stamp, map.stamp, false});
-    loaded.positions.push_back(l.position);
-    farthest2 = std::max(farthest2, l.position.squaredNorm());
-  }
-  auto variances = loaded.covariance.diagonal();
+  for (const SavedLandmark& l : map.landmarks) farthest2 = std::max(farthest2, l.position.squaredNorm());
+  Eigen::MatrixXd covariance = map.covariance;
+  auto variances = covariance.diagonal();
   // Errors about the origin: what turns there shifts what is far away.
   const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(3).maxCoeff();
   variances.head<3>().array() += kRounding * largest;
   variances.tail(variances.size() - map.base()).array() += kRounding * largest;
-  return loaded;
+  return covariance;
 }
 
 Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map) : map_(std::move(map)) {
@@ -248,7 +222,7 @@ std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter,
   keepCompatible(m, place.map_T_session);
   const bool enough = m.ids.size() >= kLeastMatches &&
                       static_cast<double>(m.ids.size()) >= kShareOfMatches * static_cast<double>(matches);
-  if (!enough || !spanAPlane(m.there)) return std::nullopt;
+  if (!enough || widthOf(m.there) <= kLeastWidth) return std::nullopt;
   place.ids = m.ids;
   return place;
 }
@@ -261,12 +235,9 @@ void Relocaliser::enter(const SE3& map_T_session, Filter& filter, LandmarkMap& l
     if (landmarks.active()[i].reactivated) landmarks.discard(filter, i);
   }
   filter.moveWorld(map_T_session);
-  Vector6d any;
-  any << Eigen::Vector3d::Constant(kAnyPosition), Eigen::Vector3d::Constant(kAnyRotation);
-  filter.addNoise(0, Matrix6d(any.cwiseAbs2().asDiagonal()));
-  LoadedMap loaded = loadedFrom(*map_);
-  const Eigen::Index rows = loaded.covariance.rows() - map_->base();
-  landmarks.adopt(filter, loaded.landmarks, loaded.positions, loaded.covariance.bottomRightCorner(rows, rows),
+  filter.addNoise(0, anyPose());
+  const Eigen::Index rows = map_->covariance.rows() - map_->base();
+  landmarks.adopt(filter, *map_, loadedCovariance(*map_).bottomRightCorner(rows, rows),
                   Eigen::MatrixXd::Zero(filter.rows(), rows));
 }
 

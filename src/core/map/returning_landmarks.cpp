@@ -32,6 +32,11 @@ bool isLocated(const Filter& filter, const Landmark& landmark) {
   return variance < kDistanceSigma * kDistanceSigma * distance2;
 }
 
+/// The view has changed altogether since. One that was away for a moment has nothing to tell.
+bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId inactive) {
+  return filter.inactive().deactivatedSince(map.inactiveVariable(inactive)) > map.active().size();
+}
+
 /// Inactive landmarks before the camera, the nearest first, that have been out of view for some time.
 std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
   const SE3 cam_T_world = model.camTWorld(filter);
@@ -50,10 +55,6 @@ std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, 
 }
 
 } // namespace
-
-bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId inactive) {
-  return filter.inactive().deactivatedSince(map.inactiveVariable(inactive)) > map.active().size();
-}
 
 bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model,
                                     Stamp now) {

@@ -42,9 +42,9 @@ void requireWithin(const Vector& v, double limit, const std::string& source, con
 bool isOfAName(char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_'; }
 
 void validateLandmarks(const SavedMap& map, const std::string& source) {
-  const std::string allowed_count = "at most " + std::to_string(kMaxSavedLandmarks);
   if (map.landmarks.size() > kMaxSavedLandmarks)
-    refuse(source, "landmarks", std::to_string(map.landmarks.size()), allowed_count);
+    refuse(source, "landmarks", std::to_string(map.landmarks.size()),
+           "at most " + std::to_string(kMaxSavedLandmarks));
   std::unordered_set<FeatureId> ids;
   for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
     const std::string field = "landmarks[" + std::to_string(i) + "]";

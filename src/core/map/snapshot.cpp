@@ -21,8 +21,7 @@ std::optional<Handle> find(const SavedVariable& variable, const Filter& filter) 
   return handle && filter.variables().sizeOf(*handle) == variable.mean.size() ? handle : std::nullopt;
 }
 
-/// (m x n) 1 where a row of the map's covariance is that of the filter's error, of n rows; m before the
-/// landmarks.
+/// (m x n) 1 where a row of the map's covariance, of m before the landmarks, is one of the filter's n.
 Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter) {
   Eigen::MatrixXd same = Eigen::MatrixXd::Zero(map.base(), filter.rows());
   same.topLeftCorner<6, 6>().setIdentity();
@@ -34,10 +33,6 @@ Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter) {
     row += size;
   }
   return same;
-}
-
-bool isWorthSaving(const Eigen::Vector3d& position, const Eigen::Vector3d& variances) {
-  return position.cwiseAbs().maxCoeff() <= kMaxSavedDistance && variances.maxCoeff() <= kVaguest * kVaguest;
 }
 
 } // namespace
@@ -66,7 +61,9 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   for (std::size_t i = 0; i < inactive.size(); ++i) {
     const InactiveVariable& variable = inactive.variables()[i];
     const Eigen::Index row = inactive.rowOf(i);
-    if (!isWorthSaving(variable.mean, inactive.covariance().diagonal().segment<3>(row))) continue;
+    if (variable.mean.cwiseAbs().maxCoeff() > kMaxSavedDistance ||
+        inactive.covariance().diagonal().segment<3>(row).maxCoeff() > kVaguest * kVaguest)
+      continue;
     const Landmark& landmark = landmarks.inactive(variable.handle);
     map.landmarks.push_back({landmark.id, variable.mean, landmark.observations});
     rows.push_back(row);
@@ -91,20 +88,18 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
 }
 
 void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks) {
-  LoadedMap loaded = loadedFrom(map);
-  const Eigen::Index base = map.base(), rows = loaded.covariance.rows() - base;
+  const Eigen::MatrixXd P = loadedCovariance(map);
+  const Eigen::Index base = map.base(), rows = P.rows() - base;
   const Eigen::MatrixXd known = sameRows(map, filter).transpose();
   const Eigen::VectorXd unknown = 1.0 - known.rowwise().sum().array();
   filter.begin(map.world_T_imu);
   for (const SavedVariable& variable : map.variables) {
     if (const auto handle = find(variable, filter)) filter.setMean(*handle, variable.mean);
   }
-  filter.setCoreCovariance(known * loaded.covariance.topLeftCorner(base, base) * known.transpose() +
+  filter.setCoreCovariance(known * P.topLeftCorner(base, base) * known.transpose() +
                            unknown.asDiagonal() * filter.covariance() * unknown.asDiagonal());
   if (rows > 0)
-    landmarks.adopt(filter, loaded.landmarks, loaded.positions,
-                    loaded.covariance.bottomRightCorner(rows, rows),
-                    known * loaded.covariance.topRightCorner(base, rows));
+    landmarks.adopt(filter, map, P.bottomRightCorner(rows, rows), known * P.topRightCorner(base, rows));
 }
 
 void requireMotion(const SavedMap& map, const Filter& filter, const MotionModel& motion,

@@ -7,56 +7,53 @@ PaperEstimator::PaperEstimator(const PaperConfig& config) : config_(config), map
 }
 
 void PaperEstimator::process(const GyroSample& sample) {
-  advanceTo(sample.stamp);
-  hold_.setAngular(sample.angular_velocity);
+  predictTo(sample.stamp);
+  held_.process(sample);
 }
 
 void PaperEstimator::process(const VelocitySample& sample) {
-  advanceTo(sample.stamp);
-  hold_.setLinear(sample.linear_velocity);
+  predictTo(sample.stamp);
+  held_.process(sample);
 }
 
 FrameReport PaperEstimator::process(const StereoFrame& frame) {
-  advanceTo(frame.stamp);
+  predictTo(frame.stamp);
+  held_.advanceTo(frame.stamp);
   if (rig_ && config_.mode == PaperMode::kMapping) return mapper_.update(*rig_, pose_.imu_T_world, frame);
-  if (rig_ && config_.mode == PaperMode::kSlam) return joint_.update(*rig_, frame);
-  FrameReport report;
-  report.stamp = frame.stamp;
-  report.features = frame.features.size();
+  if (rig_ && isJoint()) return joint_.update(*rig_, frame);
+  FrameReport report(frame);
   report.invalid = config_.mode == PaperMode::kDeadReckoning ? 0 : report.features;
   return report;
 }
 
-void PaperEstimator::advanceTo(Stamp stamp) {
-  const double tau = hold_.advanceTo(stamp);
+void PaperEstimator::predictTo(Stamp stamp) {
+  const double tau = held_.stamp() ? secondsBetween(*held_.stamp(), stamp) : 0.0;
   if (!(tau > 0.0)) return;
   const Matrix6d W = (tau / config_.step_s * config_.motion_noise).asDiagonal();
-  if (config_.mode == PaperMode::kSlam) {
-    joint_.predict(hold_.twist(), tau, W);
+  if (isJoint()) {
+    joint_.predict(held_.twist(), tau, W);
   } else {
-    predict(hold_.twist(), tau, W, pose_);
+    predict(held_.twist(), tau, W, pose_);
   }
 }
 
 StateEstimate PaperEstimator::state() const {
-  const bool joint = config_.mode == PaperMode::kSlam;
   StateEstimate state;
-  state.stamp = hold_.stamp();
-  state.world_T_imu = (joint ? joint_.imuTWorld() : pose_.imu_T_world).inverse();
+  state.stamp = held_.stamp().value_or(0);
+  state.world_T_imu = (isJoint() ? joint_.imuTWorld() : pose_.imu_T_world).inverse();
   // U = Exp(delta) U^ means T = T^ Exp(-delta): the error along the world axes is -R delta, part by part.
   Matrix6d rotation = Matrix6d::Zero();
-  rotation.topLeftCorner<3, 3>() = state.world_T_imu.rotation();
-  rotation.bottomRightCorner<3, 3>() = state.world_T_imu.rotation();
+  rotation.topLeftCorner<3, 3>() = rotation.bottomRightCorner<3, 3>() = state.world_T_imu.rotation();
   state.pose_covariance =
-      rotation * (joint ? joint_.poseCovariance() : pose_.covariance) * rotation.transpose();
-  state.twist = hold_.twist();
+      rotation * (isJoint() ? joint_.poseCovariance() : pose_.covariance) * rotation.transpose();
+  state.twist = held_.twist();
   // The motion noise enters as tau w (eq. 2), so a step's W stands for this variance of the twist.
   state.twist_covariance = (config_.motion_noise / (config_.step_s * config_.step_s)).asDiagonal();
   return state;
 }
 
 std::vector<LandmarkEstimate> PaperEstimator::landmarks() const {
-  return config_.mode == PaperMode::kSlam ? joint_.landmarks() : mapper_.landmarks();
+  return isJoint() ? joint_.landmarks() : mapper_.landmarks();
 }
 
 } // namespace vi_ekf_slam::paper

@@ -49,4 +49,10 @@ void AtomicFile::commit() {
   temporary_.clear();
 }
 
+void writeFile(const std::string& path, const std::string& text) {
+  AtomicFile file(path);
+  file << text;
+  file.commit();
+}
+
 } // namespace vi_ekf_slam

@@ -1,7 +1,5 @@
 #include "vi_ekf_slam/core/run/config.hpp"
 
-#include <string>
-
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
@@ -33,31 +31,21 @@ void readPaper(YamlSection section, PaperConfig& paper) {
   section.finish();
 }
 
-void readMotion(YamlSection& section, ConstantTwist::Options& motion) {
+void readInvariant(YamlSection section, InvariantConfig& invariant) {
+  ConstantTwist::Options& motion = invariant.motion;
   section.read("twist_density", Range::notNegative(), motion.twist_density);
   section.read("bias_density", Range::notNegative(), motion.bias_density);
   section.read("prior_twist_sigma", Range::positive(), motion.prior_twist_sigma);
   section.read("prior_bias_sigma", Range::positive(), motion.prior_bias_sigma);
   section.read("velocity_sigma", Range::positive(), motion.velocity_sigma);
   section.read("gyro_sigma", Range::positive(), motion.gyro_sigma);
-}
-
-void readStereo(YamlSection& section, StereoModel::Options& stereo) {
+  StereoModel::Options& stereo = invariant.stereo;
   section.read("pixel_sigma", Range::positive(), stereo.pixel_sigma);
   section.read("min_disparity", Range::positive(), stereo.min_disparity);
   section.read("max_depth_m", Range::halfOpen(stereo.min_depth_m, 1e6), stereo.max_depth_m);
-}
-
-void readUpdate(YamlSection& section, FrameUpdate::Options& update) {
-  section.read("consensus_px", Range::positive(), update.consensus_px);
-  section.read("gate", Range::positive(), update.gate);
-  section.read("frame_gate", Range::positive(), update.frame_gate);
-}
-
-void readInvariant(YamlSection section, InvariantConfig& invariant) {
-  readMotion(section, invariant.motion);
-  readStereo(section, invariant.stereo);
-  readUpdate(section, invariant.update);
+  section.read("consensus_px", Range::positive(), invariant.update.consensus_px);
+  section.read("gate", Range::positive(), invariant.update.gate);
+  section.read("frame_gate", Range::positive(), invariant.update.frame_gate);
   section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.recovery.monitor.window_s);
   section.read("slip_sigma", Range::closed(0.0, 0.5), invariant.slip.sigma);
   section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);

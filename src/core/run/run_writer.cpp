@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <numeric>
 #include <sstream>
@@ -29,17 +30,6 @@ std::string format(const char* pattern, Args... args) {
 
 std::string pathIn(const std::string& directory, const char* name) {
   return (fs::path(directory) / name).string();
-}
-
-std::array<double, 12> toNumbers(const SE3& pose) {
-  std::array<double, 12> numbers{};
-  Eigen::Map<Eigen::Matrix<double, 3, 4>>(numbers.data()) << pose.rotation(), pose.translation();
-  return numbers;
-}
-
-SE3 toPose(const std::array<double, 12>& numbers) {
-  const Eigen::Map<const Eigen::Matrix<double, 3, 4>> matrix(numbers.data());
-  return {matrix.leftCols<3>(), matrix.col(3)};
 }
 
 std::string tumLine(Stamp stamp, const SE3& pose) {
@@ -89,25 +79,19 @@ std::string list(const std::vector<std::size_t>& numbers) {
   return text + "]";
 }
 
-std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
-  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
-}
-
-std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCount>& c) {
+/// A line `key: {total: ..., name: count, ...}`, of the counts from `first` on.
+template <std::size_t N>
+std::string countsLine(const char* key, const std::array<const char*, N>& names,
+                       const std::array<std::uint64_t, N>& counts, std::size_t first = 0) {
   std::ostringstream text;
-  text << key << ": {total: " << total(c) << ", gyro: " << c[0] << ", velocity: " << c[1]
-       << ", stereo: " << c[2] << "}\n";
+  text << key << ": {total: " << std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+  for (std::size_t i = first; i < N; ++i) text << ", " << names[i] << ": " << counts[i];
+  text << "}\n";
   return text.str();
 }
 
-std::string divergences(const SystemCounts& counts) {
-  const auto& c = counts.divergences;
-  std::string text =
-      "divergences: {total: " + std::to_string(std::accumulate(c.begin(), c.end(), std::uint64_t{0}));
-  for (std::size_t i = 1; i < c.size(); ++i) {
-    text += std::string(", ") + kDivergenceNames[i] + ": " + std::to_string(c[i]);
-  }
-  return text + "}\n";
+std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCount>& counts) {
+  return countsLine<kStreamCount>(key, {"gyro", "velocity", "stereo"}, counts);
 }
 
 std::string noises(const std::vector<StreamNoise>& streams) {
@@ -122,14 +106,8 @@ std::string noises(const std::vector<StreamNoise>& streams) {
 } // namespace
 
 std::string stampText(Stamp stamp) {
-  constexpr Stamp kSecond = 1000000000;
-  Stamp seconds = stamp / kSecond, nanoseconds = stamp % kSecond;
-  const char* sign = stamp < 0 ? "-" : "";
-  if (stamp < 0) {
-    seconds = -seconds;
-    nanoseconds = -nanoseconds;
-  }
-  return format("%s%lld.%09lld", sign, static_cast<long long>(seconds), static_cast<long long>(nanoseconds));
+  const std::lldiv_t parts = std::lldiv(stamp, 1000000000);
+  return format("%s%lld.%09lld", stamp < 0 ? "-" : "", std::llabs(parts.quot), std::llabs(parts.rem));
 }
 
 void RunWriter::makeDirectory(const std::string& directory) {
@@ -149,27 +127,18 @@ void RunWriter::requireDirectory(const std::string& directory) {
   if (!made.empty()) fs::remove_all(made, kept);
 }
 
-RunRecord RunWriter::toRecord(const Output& o) {
-  RunRecord record;
-  record.stamp = o.state.stamp;
-  record.world_T_imu = toNumbers(o.state.world_T_imu);
-  record.odom_T_imu = toNumbers(o.odom_T_imu);
-  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
-  record.report = o.report;
-  record.update_s = o.update_s;
-  return record;
+/// A record has one line for each of the files of writeRun.
+void RunWriter::add(const Output& o) {
+  const StateEstimate& state = o.state;
+  runs_.back().records.add(state.stamp, tumLine(state.stamp, state.world_T_imu) +
+                                            tumLine(state.stamp, o.odom_T_imu) + stampText(state.stamp) +
+                                            upperTriangle(state.pose_covariance) + "\n" +
+                                            frameLine(o.report, o.update_s));
 }
 
 void RunWriter::addFrame(const Output& output) {
-  Run& run = runs_.back();
-  if (!run.has_frames) run.records = RunRecords(spool_);
-  run.has_frames = true;
-  run.records.add(toRecord(output));
-}
-
-void RunWriter::addGyro(const Output& output) {
-  Run& run = runs_.back();
-  if (!run.has_frames) run.records.add(toRecord(output));
+  if (!hasFrames()) runs_.back() = {RunRecords(spool_), true};
+  add(output);
 }
 
 void RunWriter::restart() {
@@ -184,25 +153,21 @@ std::vector<std::size_t> RunWriter::earlierSizes() const {
   return sizes;
 }
 
-double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
-
 void RunWriter::writeRun(const std::string& directory, const Run& run) {
   makeDirectory(directory);
-  AtomicFile trajectory(pathIn(directory, kTrajectory));
-  AtomicFile dead_reckoning(pathIn(directory, kDeadReckoning));
-  AtomicFile covariance(pathIn(directory, kCovariance));
-  AtomicFile frames(pathIn(directory, kFrames));
-  covariance << covarianceHeader();
-  frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
-            "update_ms\n";
-  run.records.forEach([&](const RunRecord& r) {
-    trajectory << tumLine(r.stamp, toPose(r.world_T_imu));
-    dead_reckoning << tumLine(r.stamp, toPose(r.odom_T_imu));
-    const Eigen::Map<const Matrix6d> P(r.pose_covariance.data());
-    covariance << stampText(r.stamp) + upperTriangle(P) + "\n";
-    if (run.has_frames) frames << frameLine(r.report, r.update_s);
+  std::array<AtomicFile, 4> files{
+      AtomicFile(pathIn(directory, kTrajectory)), AtomicFile(pathIn(directory, kDeadReckoning)),
+      AtomicFile(pathIn(directory, kCovariance)), AtomicFile(pathIn(directory, kFrames))};
+  files[2] << covarianceHeader();
+  files[3] << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
+              "update_ms\n";
+  run.records.forEach([&](const std::string& text) {
+    std::istringstream lines(text);
+    std::string line;
+    for (std::size_t i = 0; std::getline(lines, line); ++i)
+      if (i % 4 != 3 || run.has_frames) files[i % 4] << line + "\n";
   });
-  for (AtomicFile* file : {&trajectory, &dead_reckoning, &covariance, &frames}) file->commit();
+  for (AtomicFile& file : files) file.commit();
 }
 
 void RunWriter::writeTrajectory(const std::string& directory) const {
@@ -220,9 +185,7 @@ void RunWriter::writeMap(const std::string& directory, const std::vector<Landmar
     text += format("%llu,%.9f,%.9f,%.9f", static_cast<unsigned long long>(landmark.id), p.x(), p.y(), p.z()) +
             upperTriangle(landmark.covariance) + "\n";
   }
-  AtomicFile file(pathIn(directory, kLandmarks));
-  file << text;
-  file.commit();
+  writeFile(pathIn(directory, kLandmarks), text);
 }
 
 void RunWriter::writeSummary(const std::string& directory, const RunSummary& summary,
@@ -243,7 +206,8 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
        << "\nrelocalisations: " << c.relocalisations << format("\nblind_s: %.3f", c.blind_s)
        << "\nblind_periods: " << c.blind_periods << "\n"
-       << divergences(c) << "resets: " << c.resets << "\ngaps: " << c.gaps << "\n"
+       << countsLine("divergences", kDivergenceNames, c.divergences, 1) << "resets: " << c.resets
+       << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)
        << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
        << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";
@@ -253,9 +217,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
     separator = ", ";
   }
   text << "}\n" << noises(summary.noise);
-  AtomicFile file(pathIn(directory, kSummary));
-  file << text.str();
-  file.commit();
+  writeFile(pathIn(directory, kSummary), text.str());
 }
 
 } // namespace vi_ekf_slam

@@ -10,19 +10,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const auto& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
-std::string describe(const YAML::Node& node) {
-  std::ostringstream text;
-  text << node;
-  std::string value = text.str();
-  if (value.size() > 80) value = value.substr(0, 77) + "...";
-  return value;
-}
+constexpr std::size_t kMaxYamlBytes = 1 << 20;
 
 // yaml-cpp before 0.7 descends into nested nodes without a bound and overflows the stack. Each level takes a
 // bracket or a character of a line's beginning (indentation, "- ", "? "), so bounding both bounds it.
@@ -47,23 +35,25 @@ bool mayNestDeeply(const std::string& yaml) {
 /// Counts the documents of a stream; YAML::Load reads the first and keeps silent about the others, and
 /// YAML::LoadAll stops at the first empty one.
 class DocumentCounter : public YAML::EventHandler {
+  using Mark = YAML::Mark;
+  using Anchor = YAML::anchor_t;
+  using Style = YAML::EmitterStyle::value;
+
  public:
   int documents = 0;
   int line = 0; ///< of the newest document's first content, from 1
 
-  void OnDocumentStart(const YAML::Mark& mark) override {
+  void OnDocumentStart(const Mark& mark) override {
     ++documents;
     line = mark.line + 1;
   }
   void OnDocumentEnd() override {}
-  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
-  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                       YAML::EmitterStyle::value) override {}
+  void OnNull(const Mark&, Anchor) override {}
+  void OnAlias(const Mark&, Anchor) override {}
+  void OnScalar(const Mark&, const std::string&, Anchor, const std::string&) override {}
+  void OnSequenceStart(const Mark&, const std::string&, Anchor, Style) override {}
   void OnSequenceEnd() override {}
-  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {
-  }
+  void OnMapStart(const Mark&, const std::string&, Anchor, Style) override {}
   void OnMapEnd() override {}
 };
 
@@ -96,32 +86,27 @@ std::string readYamlFile(const std::string& path) {
   return text;
 }
 
-bool Range::contains(double x) const {
-  if (!std::isfinite(x)) return false;
-  return (low_open ? x > low : x >= low) && (high_open ? x < high : x <= high);
-}
-
 std::string Range::text() const {
   std::ostringstream text;
   text << "a finite number " << (low_open ? "> " : ">= ") << low;
-  if (high < std::numeric_limits<double>::max()) text << " and " << (high_open ? "< " : "<= ") << high;
+  if (high < std::numeric_limits<double>::max()) text << " and <= " << high;
   return text.str();
 }
 
-YamlSection::YamlSection(YAML::Node node, std::string path, std::string source)
-    : node_(std::move(node)), path_(std::move(path)), source_(std::move(source)) {
-  if (node_ && !node_.IsNull() && !node_.IsMap()) {
+YamlSection::YamlSection(const YAML::Node& node, std::string path, std::string source)
+    : node_(node && !node.IsNull() ? node : YAML::Node(YAML::NodeType::Map)),
+      path_(std::move(path)),
+      source_(std::move(source)) {
+  if (!node_.IsMap()) {
     const std::string name = path_.empty() ? "the document" : path_.substr(0, path_.size() - 1);
     throw ConfigError(source_ + ": " + name + ": '" + describe(node_) +
                       "' is not allowed; it must be a mapping of keys to values");
   }
-  if (!node_ || !node_.IsMap()) return;
   std::set<std::string> seen;
   for (const auto& entry : node_) {
     if (!entry.first.IsScalar()) throw ConfigError(source_ + ": " + path_ + ": a key is not a plain name");
-    if (!seen.insert(entry.first.Scalar()).second) {
+    if (!seen.insert(entry.first.Scalar()).second)
       throw ConfigError(source_ + ": " + path_ + entry.first.Scalar() + ": given twice; once is allowed");
-    }
   }
 }
 
@@ -133,100 +118,78 @@ YamlSection YamlSection::root(const std::string& yaml, const std::string& source
   }
   try {
     expectOneDocument(yaml, source);
-    return YamlSection(YAML::Load(yaml), "", source);
+    return {YAML::Load(yaml), "", source};
   } catch (const YAML::Exception& error) {
     throw ConfigError(source + ": not readable as YAML: " + error.what());
   }
 }
 
-YAML::Node YamlSection::find(const std::string& key) {
-  known_.insert(key);
-  const YAML::Node& node = node_; // the const operator[] does not insert
-  return node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+std::string YamlSection::describe(const YAML::Node& node) {
+  std::ostringstream text;
+  text << node;
+  const std::string value = text.str();
+  return value.size() > 80 ? value.substr(0, 77) + "..." : value;
 }
 
-YamlSection YamlSection::section(const std::string& key) {
-  const YAML::Node node = find(key);
-  return YamlSection(node.IsDefined() ? node : YAML::Node(), path_ + key + ".", source_);
+YAML::Node YamlSection::find(const std::string& key) {
+  known_.insert(key);
+  return node_[key];
 }
 
 void YamlSection::fail(const std::string& key, const std::string& value, const std::string& allowed) const {
-  const YAML::Node& node = node_; // the const operator[] does not insert
-  const YAML::Node given = node && node.IsMap() ? node[key] : YAML::Node(YAML::NodeType::Undefined);
+  const YAML::Node given = node_[key];
   double x = 0.0;
-  const bool is_number = given.IsDefined() && given.IsScalar() && YAML::convert<double>::decode(given, x);
+  const bool is_number = given && YAML::convert<double>::decode(given, x);
   throw ConfigError(source_ + ": " + path_ + key + ": '" + (is_number ? given.Scalar() : value) +
                     "' is not allowed; it must be " + allowed);
 }
 
 double YamlSection::number(const std::string& key, const YAML::Node& node, const Range& range) const {
   double x = 0.0;
-  if (!node.IsScalar() || !YAML::convert<double>::decode(node, x) || !range.contains(x)) {
-    fail(key, describe(node), range.text());
-  }
+  if (!YAML::convert<double>::decode(node, x) || !range.contains(x)) fail(key, describe(node), range.text());
   return x;
 }
 
 void YamlSection::read(const std::string& key, const Range& range, double& value) {
-  if (const YAML::Node node = find(key); node.IsDefined()) value = number(key, node, range);
+  if (const YAML::Node node = find(key)) value = number(key, node, range);
 }
 
 void YamlSection::read(const std::string& key, const Range& range, std::size_t& value) {
-  const YAML::Node node = find(key);
-  if (!node.IsDefined()) return;
-  const double x = number(key, node, range);
-  if (x != std::floor(x) || x < 0.0 || x > 9007199254740992.0) fail(key, describe(node), "a whole number");
+  auto x = static_cast<double>(value);
+  read(key, range, x);
+  if (x != std::floor(x) || x < 0.0 || x > 9007199254740992.0)
+    fail(key, describe(node_[key]), "a whole number");
   value = static_cast<std::size_t>(x);
 }
 
 void YamlSection::read(const std::string& key, bool& value) {
   const YAML::Node node = find(key);
-  if (!node.IsDefined()) return;
-  if (!node.IsScalar() || !YAML::convert<bool>::decode(node, value)) {
-    fail(key, describe(node), "true or false");
-  }
+  if (node && !YAML::convert<bool>::decode(node, value)) fail(key, describe(node), "true or false");
 }
 
 void YamlSection::read(const std::string& key, std::string& value) {
   const YAML::Node node = find(key);
-  if (!node.IsDefined()) return;
-  if (!node.IsScalar()) fail(key, describe(node), "a text");
-  value = node.Scalar();
+  if (node && !YAML::convert<std::string>::decode(node, value)) fail(key, describe(node), "a text");
 }
 
 void YamlSection::read(const std::string& key, const Range& range, Eigen::Ref<Eigen::VectorXd> value) {
   const YAML::Node node = find(key);
-  if (!node.IsDefined()) return;
-  if (node.IsScalar()) {
-    value.setConstant(number(key, node, range));
-    return;
-  }
-  const auto size = static_cast<std::size_t>(value.size());
-  if (!node.IsSequence() || node.size() != size) {
+  if (!node) return;
+  const Eigen::Index size = value.size();
+  if (!node.IsScalar() && !(node.IsSequence() && static_cast<Eigen::Index>(node.size()) == size))
     fail(key, describe(node), "one number or a list of " + std::to_string(size));
-  }
-  for (std::size_t i = 0; i < size; ++i) {
-    value[static_cast<Eigen::Index>(i)] = number(key + "[" + std::to_string(i) + "]", node[i], range);
-  }
-}
-
-std::size_t YamlSection::choiceIndex(const std::string& key, const std::vector<std::string>& names) {
-  const YAML::Node node = find(key);
-  if (!node.IsDefined()) return names.size();
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (node.IsScalar() && node.Scalar() == names[i]) return i;
-  }
-  fail(key, describe(node), "one of " + join(names));
+  for (Eigen::Index i = 0; i < size; ++i)
+    value[i] = node.IsScalar() ? number(key, node, range)
+                               : number(key + "[" + std::to_string(i) + "]", node[i], range);
 }
 
 void YamlSection::finish() const {
-  if (!node_ || !node_.IsMap()) return;
+  std::string known;
+  for (const std::string& key : known_) known += (known.empty() ? "" : ", ") + key;
   for (const auto& entry : node_) {
     const std::string& key = entry.first.Scalar();
-    if (known_.count(key) == 0) {
-      throw ConfigError(source_ + ": " + path_ + key + ": unknown key; known are " +
-                        join(std::vector<std::string>(known_.begin(), known_.end())));
-    }
+    if (known_.count(key) == 0)
+      throw ConfigError(source_ + ": " + path_ + key + ": unknown key; known are " + known);
   }
 }
 

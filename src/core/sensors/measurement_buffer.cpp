@@ -4,8 +4,6 @@
 
 namespace vi_ekf_slam {
 
-MeasurementBuffer::MeasurementBuffer(const Options& options) : options_(options) {}
-
 MeasurementBuffer::Verdict MeasurementBuffer::add(Measurement measurement) {
   const Stamp stamp = stampOf(measurement);
   const Stream stream = streamOf(measurement);

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "vi_ekf_slam/core/filter/validity.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
 namespace vi_ekf_slam {
@@ -16,11 +16,7 @@ constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
-Matrix6d startCovariance() { return Vector6d::Constant(kPosePriorSigma * kPosePriorSigma).asDiagonal(); }
-
-bool headingIsKnown(const Filter& filter) {
-  return filter.covariance().diagonal().segment<3>(3).maxCoeff() <= kKnownHeading * kKnownHeading;
-}
+Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
 } // namespace
 
@@ -52,8 +48,6 @@ void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
 void InvariantEstimator::setRig(const StereoRig& rig) {
   model_.emplace(rig, config_.stereo, filter_.variables().find(StereoModel::kScaleName));
 }
-
-void InvariantEstimator::setGates(const Gates& gates) { vi_ekf_slam::setGates(config_, gates); }
 
 // Gyro and velocity: motion -> health.
 
@@ -95,7 +89,7 @@ void InvariantEstimator::propagate(Filter& filter, double dt) const {
 bool InvariantEstimator::canBridge(double gap_s) const {
   Filter ahead = filter_;
   propagate(ahead, gap_s);
-  return headingIsKnown(ahead);
+  return ahead.covariance().diagonal().segment<3>(3).maxCoeff() <= kKnownHeading * kKnownHeading;
 }
 
 /// Remembers a valid estimate, and goes back to it from one that is not.
@@ -103,7 +97,6 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
   if (recovery_.check(filter_, *stamp_, thoroughly)) return;
   divergence_ = Divergence::kCovariance;
   map_.archiveAll(filter_);
-  map_.clear();
   closures_.restart();
   tracks_.clear();
   begin(recovery_.checkpointPose(),
@@ -115,10 +108,10 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
 
 FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   advanceTo(frame.stamp);
-  FrameReport report;
-  report.stamp = frame.stamp;
-  report.features = frame.features.size();
-  handleStandstill(frame);
+  FrameReport report(frame);
+  if (config_.standstill_px > 0.0) standstill_.addFrame(frame);
+  if (config_.standstill_px > 0.0 && last_frame_ && standstill_.stands(frame.stamp))
+    motion_->processStandstill(filter_, secondsBetween(last_frame_->stamp, frame.stamp));
   Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
   if (last_frame_) displacement = filter_.pose().translation() - last_frame_->position;
   slip_.propagate(filter_, displacement.norm());
@@ -126,7 +119,8 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);
-    if (map_.keepsInactive()) closeLoops(report);
+    const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
+    if (map_.keepsInactive()) closures_.update(filter_, map_, *model_, seconds, report);
   } else {
     report.invalid = report.features;
   }
@@ -137,13 +131,6 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   report.landmarks = map_.active().size();
   report.inactive = filter_.inactive().size();
   return report;
-}
-
-void InvariantEstimator::handleStandstill(const StereoFrame& frame) {
-  if (!(config_.standstill_px > 0.0)) return;
-  standstill_.addFrame(frame);
-  if (last_frame_ && standstill_.stands(frame.stamp))
-    motion_->processStandstill(filter_, secondsBetween(last_frame_->stamp, frame.stamp));
 }
 
 void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& report) {
@@ -162,23 +149,18 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   const auto last = last_frame_ ? std::make_optional(last_frame_->stamp) : std::nullopt;
   if (divergence != Divergence::kNone ||
       (outcome.skipped && !tracks_.believesMap(filter_, *model_, frame, seen, last))) {
-    beginMapAnew(frame, usable.features, report);
+    // Nothing speaks against these features but a local map that is not believed.
+    report.removed += map_.active().size();
+    loseAll();
+    tracks_.restart(frame.stamp);
+    recovery_.useFrame();
+    initialise(frame, usable.features, report);
   } else if (!outcome.skipped) {
     tracks_.noteUse(frame.stamp);
     recovery_.useFrame();
     updateTracks(frame, seen, outcome, report);
     initialise(frame, seen.unknown, report);
   } // a skipped frame leaves the local map as it is
-}
-
-/// Nothing speaks against these features but a local map that is not believed.
-void InvariantEstimator::beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable,
-                                      FrameReport& report) {
-  report.removed += map_.active().size();
-  loseAll();
-  tracks_.restart(frame.stamp);
-  recovery_.useFrame();
-  initialise(frame, usable, report);
 }
 
 void InvariantEstimator::loseAll() {
@@ -229,14 +211,6 @@ void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<
     map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id)});
     ++report.initialised;
   }
-}
-
-void InvariantEstimator::closeLoops(FrameReport& report) {
-  const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
-  const Closures::Report closed = closures_.update(filter_, map_, *model_, *stamp_, seconds);
-  report.revisited += closed.revisited;
-  report.place_recognised = closed.place_recognised;
-  report.relocalised = closed.relocalised;
 }
 
 // What goes out, and comes back.

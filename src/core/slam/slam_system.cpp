@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/paper/paper_estimator.hpp"
+#include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -30,6 +32,12 @@ Fault faultOf(const VelocitySample& s) { return faultOf(s.linear_velocity, kMaxS
 Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judged one by one, by the estimator
 
 } // namespace
+
+std::unique_ptr<Estimator> makeEstimator(const Config& config) {
+  if (config.estimator == EstimatorType::kInvariant)
+    return std::make_unique<InvariantEstimator>(config.invariant);
+  return std::make_unique<paper::PaperEstimator>(config.paper);
+}
 
 SlamSystem::SlamSystem(const Config& config)
     : config_(config),
@@ -79,20 +87,12 @@ void SlamSystem::add(Measurement measurement) {
 void SlamSystem::buffer(Measurement measurement) {
   const auto stream = static_cast<std::size_t>(streamOf(measurement));
   const Stamp stamp = stampOf(measurement);
-  switch (buffer_.add(std::move(measurement))) {
-    case MeasurementBuffer::Verdict::kAccepted:
-      break;
-    case MeasurementBuffer::Verdict::kLate:
-      ++counts_.late[stream];
-      break;
-    case MeasurementBuffer::Verdict::kDuplicate:
-      ++counts_.duplicate[stream];
-      break;
-    case MeasurementBuffer::Verdict::kJumpBack: // within what confirmed a jump; the guard keeps others away
-      ++counts_.late[stream];
-      return;
-  }
-  if (!first_stamp_) first_stamp_ = stamp;
+  using Verdict = MeasurementBuffer::Verdict;
+  const Verdict verdict = buffer_.add(std::move(measurement));
+  if (verdict == Verdict::kDuplicate) ++counts_.duplicate[stream];
+  // A jump back is within what confirmed a jump; the guard keeps others away.
+  if (verdict == Verdict::kLate || verdict == Verdict::kJumpBack) ++counts_.late[stream];
+  if (verdict != Verdict::kJumpBack && !first_stamp_) first_stamp_ = stamp;
 }
 
 /// A gap is driven through; what is longer, and any way back, is a new start.
@@ -118,17 +118,14 @@ bool SlamSystem::needsRig() const {
   return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
 }
 
-bool SlamSystem::waitingForRig() const {
-  return !rig_ && needsRig() && first_stamp_ && buffer_.newest() &&
-         secondsBetween(*first_stamp_, *buffer_.newest()) < config_.rig_wait_s;
-}
-
 void SlamSystem::drain() {
-  if (waitingForRig()) {
+  const bool waits_for_rig = !rig_ && needsRig() && first_stamp_ && buffer_.newest() &&
+                             secondsBetween(*first_stamp_, *buffer_.newest()) < config_.rig_wait_s;
+  if (waits_for_rig) {
     while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
-    return;
+  } else {
+    while (auto measurement = buffer_.pop()) process(*measurement);
   }
-  while (auto measurement = buffer_.pop()) process(*measurement);
 }
 
 void SlamSystem::flush() {
@@ -138,7 +135,7 @@ void SlamSystem::flush() {
 }
 
 void SlamSystem::setGates(const Gates& gates) {
-  vi_ekf_slam::setGates(config_.invariant, gates);
+  config_.invariant.setGates(gates);
   estimator_->setGates(gates);
 }
 
@@ -180,15 +177,11 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
   estimator_->resumeFrom(std::move(map), source, config_.buffer.max_gap_s);
 }
 
-/// Of what is used: features are not before the calibration is known.
-void SlamSystem::noteNoise(const Measurement& measurement) {
-  if (std::holds_alternative<StereoFrame>(measurement) && !(rig_ && needsRig())) return;
-  const auto news = noise_.note(measurement);
-  if (news && handlers_.noise) handlers_.noise(*news);
-}
-
 void SlamSystem::process(const Measurement& measurement) {
-  noteNoise(measurement);
+  // Features are not used before the calibration is known.
+  const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (rig_ && needsRig());
+  const auto news = is_used ? noise_.note(measurement) : std::nullopt;
+  if (news && handlers_.noise) handlers_.noise(*news);
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
   if (needsRig()) blindness_.advanceTo(stampOf(measurement));
   counts_.blind_s = blindness_.total();

@@ -16,7 +16,7 @@ TuningConfig tuningOf(const FullConfig& config) {
   tuning.path_period_s = config.ros.path_period_s;
   tuning.landmark_period_s = config.ros.landmark_period_s;
   tuning.max_bandwidth_bytes_s = config.ros.max_bandwidth_bytes_s;
-  const Gates gates = gatesOf(config.core.invariant);
+  const Gates gates = config.core.invariant.gates();
   tuning.gate = gates.gate;
   tuning.frame_gate = gates.frame_gate;
   return tuning;

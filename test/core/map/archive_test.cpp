@@ -5,7 +5,7 @@
 #include "../covariances.hpp"
 #include "../numeric.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/map/point_grid.hpp"
+#include "vi_ekf_slam/core/map/points.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -71,7 +71,7 @@ TEST(PlaceRecogniser, FindsTheStreetAgain) {
     HouseRow street(seed);
     const SE3 now_T_before = street.error();
     const auto before = street.pass(0.6, 0.1, SE3(), 0), now = street.pass(0.6, 0.1, now_T_before, 1000);
-    const auto recognition = PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty());
+    const auto recognition = recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty());
     if (!recognition) continue;
     ++found;
     const SE3 left = recognition->before_T_now * now_T_before;
@@ -93,7 +93,7 @@ TEST(PlaceRecogniser, IsNotTakenInByParallelStreets) {
   for (unsigned seed = 1; seed <= (kSanitized ? 10u : 100u); ++seed) {
     HouseRow one(seed), other(1000 + seed);
     const auto before = one.pass(0.6, 0.1, SE3(), 0), now = other.pass(0.6, 0.1, other.error(), 1000);
-    if (PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty())) ++found;
+    if (recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty())) ++found;
   }
   EXPECT_EQ(found, 0);
 }
@@ -104,24 +104,24 @@ TEST(PlaceRecogniser, DoesNotBelieveWhatThePoseMakesImpossible) {
   for (const SE3& away : {SE3(Eigen::Matrix3d::Identity(), {25.0, 0.0, 0.0}),
                           SE3(so3::Exp(Eigen::Vector3d(0.0, 0.0, 0.3)), Eigen::Vector3d::Zero())}) {
     const auto now = street.pass(0.8, 0.05, away, 1000);
-    EXPECT_FALSE(PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty()));
+    EXPECT_FALSE(recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty()));
   }
 }
 
 TEST(PlaceRecogniser, WantsEnoughToGoBy) {
   HouseRow street(8);
   auto before = street.pass(1.0, 0.0, SE3(), 0), now = street.pass(1.0, 0.0, SE3(), 1000);
-  EXPECT_TRUE(PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty()));
+  EXPECT_TRUE(recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty()));
   now.resize(39);
-  EXPECT_FALSE(PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty()));
-  EXPECT_FALSE(PlaceRecogniser().recognise({}, {}, Eigen::Vector3d::Zero(), uncertainty()));
+  EXPECT_FALSE(recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty()));
+  EXPECT_FALSE(recognisePlace({}, {}, Eigen::Vector3d::Zero(), uncertainty()));
 }
 
 TEST(PlaceRecogniser, RepeatsItself) {
   HouseRow street(9);
   const auto before = street.pass(0.6, 0.1, SE3(), 0), now = street.pass(0.6, 0.1, street.error(), 1000);
-  const auto once = PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty());
-  const auto again = PlaceRecogniser().recognise(now, before, Eigen::Vector3d::Zero(), uncertainty());
+  const auto once = recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty());
+  const auto again = recognisePlace(now, before, Eigen::Vector3d::Zero(), uncertainty());
   ASSERT_TRUE(once && again);
   EXPECT_EQ(once->matches, again->matches);
 }

@@ -9,8 +9,7 @@
 #include "../street.hpp"
 #include "reference.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/paper/joint_ekf.hpp"
-#include "vi_ekf_slam/core/paper/landmark_mapper.hpp"
+#include "vi_ekf_slam/core/paper/filters.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {

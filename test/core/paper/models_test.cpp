@@ -1,3 +1,5 @@
+#include "vi_ekf_slam/core/paper/models.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,8 +9,6 @@
 #include "../street.hpp"
 #include "reference.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/paper/inverse_pose.hpp"
-#include "vi_ekf_slam/core/paper/observation.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {
@@ -94,19 +94,6 @@ TEST(PaperPrediction, NoTimeChangesNothing) {
   predict(randomTwist(random), 0.0, Matrix6d::Zero(), after);
   EXPECT_LT(distance(after.imu_T_world.matrix(), before.imu_T_world.matrix()), 1e-15);
   EXPECT_LT(distance(after.covariance, before.covariance), 1e-15);
-}
-
-TEST(TwistHold, HoldsEachHalfUntilItIsSetAgain) {
-  TwistHold hold;
-  EXPECT_EQ(hold.advanceTo(5000000000), 0.0) << "the first stamp starts the clock";
-  hold.setLinear({1.0, 2.0, 3.0});
-  EXPECT_DOUBLE_EQ(hold.advanceTo(5100000000), 0.1);
-  hold.setAngular({4.0, 5.0, 6.0});
-  EXPECT_EQ(hold.advanceTo(5100000000), 0.0);
-  Vector6d expected;
-  expected << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;
-  EXPECT_EQ(distance(hold.twist(), expected), 0.0);
-  EXPECT_EQ(hold.stamp(), 5100000000);
 }
 
 /// A pose and a point that it sees.

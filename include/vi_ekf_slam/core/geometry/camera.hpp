@@ -10,8 +10,7 @@ namespace vi_ekf_slam {
 /// Pixels (u_left, v_left, u_right, v_right) of one point in a rectified pair.
 using StereoPixels = Eigen::Vector4d;
 
-/// Rectified stereo pair (paper eq. 3 to 7). Points are in the left OPTICAL frame: x right, y down, z
-/// forward, m.
+/// Rectified pair (paper eq. 3 to 7). Points (m) are in the left OPTICAL frame: x right, y down, z forward.
 struct StereoCamera {
   double fu = 0.0;       ///< f s_u, px
   double fv = 0.0;       ///< f s_v, px

@@ -7,6 +7,9 @@
 /// Small normal distributions. Eigen's factorisations take long to compile: here they are once for all.
 namespace vi_ekf_slam {
 
+/// 6x6 of independent (position, rotation) errors, with these standard deviations on each axis, m and rad.
+Matrix6d independentPose(double position_sigma, double rotation_sigma);
+
 /// S^-1 b; not a number where S is not positive definite.
 Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b);
 Eigen::Matrix3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Matrix3d& B);

@@ -7,8 +7,7 @@
 namespace vi_ekf_slam {
 
 /// Rigid transform. A variable `a_T_b` takes points from frame b to frame a, and its translation is the
-/// origin of b in a. Tangent vectors are (translation, rotation), as the twist u = (v, omega) of paper
-/// eq. 12.
+/// origin of b in a. Tangent vectors are (translation, rotation), as the twist (v, omega) of paper eq. 12.
 class SE3 {
  public:
   SE3() : rotation_(Eigen::Matrix3d::Identity()), translation_(Eigen::Vector3d::Zero()) {}
@@ -42,17 +41,10 @@ class SE3 {
 
 namespace se3 {
 
-/// The 6x6 matrix u^curlywedge = ad(u) of paper eq. 12: [[hat(w), hat(v)], [0, hat(w)]] for u = (v, w).
-Matrix6d curlyHat(const Vector6d& u);
+/// [I, -hat(x)], the derivative of Exp(xi) x by xi at zero: the upper rows of the operator of paper eq. 19.
+Eigen::Matrix<double, 3, 6> pointJacobian(const Eigen::Vector3d& x);
 
-/// The 4x4 matrix u^wedge of paper eq. 12: [[hat(w), v], [0, 0]] for u = (v, w).
-Eigen::Matrix4d hat(const Vector6d& u);
-
-/// The 4x6 operator of paper eq. 19 for a point with homogeneous coordinate 1: hat(xi) (x; 1) = odot(x) xi.
-Eigen::Matrix<double, 4, 6> odot(const Eigen::Vector3d& x);
-
-/// Left Jacobian: Exp(xi + d) = Exp(J_l(xi) d) Exp(xi) to first order. Barfoot, "State Estimation for
-/// Robotics", eq. 7.85.
+/// Left Jacobian, as so3's. Barfoot, "State Estimation for Robotics", eq. 7.85.
 Matrix6d leftJacobian(const Vector6d& xi);
 
 } // namespace se3

@@ -25,7 +25,7 @@ class Blindness {
   }
   /// The clock starts anew.
   void restart() {
-    if (isBlind()) total_s_ += current();
+    noteUse();
     last_use_.reset();
   }
 

@@ -30,8 +30,7 @@ class DivergenceMonitor {
  public:
   struct Options {
     double window_s = 2.0; ///< s; 0: never judges
-    /// Mean NIS per degree of freedom beyond which the estimate has diverged: innovations twice as large as
-    /// their covariance says.
+    /// Mean NIS per degree of freedom beyond which it has diverged: innovations of twice their sigma.
     double nis = 4.0;
     /// Of the window's time; where frames are refused for so much or more of it that is a divergence: a lorry
     /// that fills the view spoils many.
@@ -54,8 +53,8 @@ class DivergenceMonitor {
 
   Divergence add(const Frame& frame);
   /// m driven and rad turned within the window, there and back added up.
-  double distance() const;
-  double angle() const;
+  double distance() const { return sumOf(&Frame::distance); }
+  double angle() const { return sumOf(&Frame::angle); }
   /// A new estimate: what was seen before does not count against it.
   void restart() { frames_.clear(); }
 
@@ -64,6 +63,7 @@ class DivergenceMonitor {
     Frame frame;
     double seconds; ///< for which it speaks
   };
+  double sumOf(double Frame::*number) const;
 
   Options options_;
   std::deque<Heard> frames_;

@@ -9,8 +9,7 @@
 
 namespace vi_ekf_slam {
 
-/// The body is at pose * motion, and its pose less certain by `covariance` (6x6 of dp and theta); all else
-/// stays where it is.
+/// The body is at pose * motion, its pose less certain by `covariance` (6x6 of dp, theta); all else stays.
 void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance);
 
 /// What an estimate is worth, and what is done when it can no longer be believed: the state machine between a

@@ -7,17 +7,15 @@
 
 namespace vi_ekf_slam {
 
-/// The last estimates of landmarks that have left the filter, by id. Bounded: beyond `capacity` those that
-/// came first are forgotten.
+/// The last estimates of landmarks that have left the filter, by id: the last `capacity` of them.
 class Archive {
  public:
   explicit Archive(std::size_t capacity) : capacity_(capacity) {}
 
   /// An estimate of the same id is replaced.
   void put(const LandmarkEstimate& landmark);
-  /// All estimates are in another frame, at to_T_frame of where they were. The transform's error along the
-  /// new axes, of covariance `alignment` (6x6 of position and rotation about `about`), may be correlated with
-  /// theirs in any way.
+  /// All are in another frame, at to_T_frame of where they were. The transform's error along the new axes, of
+  /// covariance `alignment` (6x6 of position and rotation about `about`), may be correlated with theirs.
   void move(const SE3& to_T_frame, const Eigen::Vector3d& about, const Matrix6d& alignment);
   const std::map<FeatureId, LandmarkEstimate>& landmarks() const { return landmarks_; }
 

@@ -16,23 +16,16 @@ class Closures {
  public:
   explicit Closures(bool recognise_places) : recognise_places_(recognise_places) {}
 
-  struct Report {
-    std::size_t revisited = 0; ///< landmarks found to be ones that were seen before
-    bool place_recognised = false;
-    bool relocalised = false; ///< in the saved map
-  };
-  /// After a frame; `seconds` have passed since the last one.
-  Report update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds) {
-    Report report;
+  /// After the frame of the report; `seconds` have passed since the last one.
+  void update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
+              FrameReport& report) {
     map.bound(filter);
-    report.revisited = returning_.update(filter, map, model, now, seconds);
-    if (recognise_places_) report.place_recognised = places_.update(filter, map, now, seconds);
-    report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, now);
-    if (report.relocalised) {
-      relocaliser_.reset();
-      use_ = MapUse::kRelocalised;
-    }
-    return report;
+    report.revisited += returning_.update(filter, map, model, report.stamp, seconds);
+    if (recognise_places_) report.place_recognised = places_.update(filter, map, report.stamp, seconds);
+    report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, report.stamp);
+    if (!report.relocalised) return;
+    relocaliser_.reset();
+    use_ = MapUse::kRelocalised;
   }
   void restart() { returning_.restart(); }
 

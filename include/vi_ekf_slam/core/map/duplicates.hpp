@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
@@ -13,13 +14,13 @@ struct Duplicate {
 };
 
 struct Fusion {
-  std::vector<bool> fused;  ///< pair by pair
-  std::size_t count() const;
+  std::vector<bool> fused; ///< pair by pair
+  auto count() const { return static_cast<std::size_t>(std::count(fused.begin(), fused.end(), true)); }
 };
 
-/// Tells the filter that points are the same, within `sigma` m, where at least `least` of the pairs agree with
-/// each other under its covariance: the largest consensus over hypotheses of one pair, and a gate on all of
-/// them. Both points of a pair stay. Nothing changes where too few agree.
+/// Tells the filter that points are the same, within `sigma` m, where at least `least` of the pairs agree
+/// with each other under its covariance: the largest consensus over hypotheses of one pair, and a gate on all
+/// of them. Both points of a pair stay. Nothing changes where too few agree.
 Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma);
 
 } // namespace vi_ekf_slam

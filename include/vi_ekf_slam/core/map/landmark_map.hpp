@@ -6,6 +6,7 @@
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/map/archive.hpp"
+#include "vi_ekf_slam/core/map/saved_map.hpp"
 
 namespace vi_ekf_slam {
 
@@ -27,8 +28,7 @@ enum class MapKeep {
   kAll,  ///< all of them do
 };
 
-/// The life of landmarks: active while they are tracked, then inactive in the joint covariance, or archived
-/// as a last estimate.
+/// The life of landmarks: active while tracked, then inactive in the joint covariance, or a last estimate.
 class LandmarkMap {
  public:
   struct Options {
@@ -66,13 +66,11 @@ class LandmarkMap {
   void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
   /// Marginalises those that were tracked the longest time ago, where there are too many; `all`: all.
   void bound(Filter& filter, bool all = false);
-  /// The landmarks of another map, inactive.
-  void adopt(Filter& filter, const std::vector<Landmark>& landmarks,
-             const std::vector<Eigen::Vector3d>& positions, Eigen::MatrixXd covariance,
-             Eigen::MatrixXd cross);
+  /// The landmarks of another map, inactive, with Filter::adopt's covariances.
+  void adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
   /// No landmark is active or inactive any more; the filter is another one.
   void clear();
-  /// All estimates that are valid go to the archive; for a filter that is to be given up.
+  /// The same, for a filter that is to be given up: all estimates that are valid go to the archive.
   void archiveAll(const Filter& filter);
 
   /// Every landmark by id, once. With `exact`, the covariances of now; else those of inactive ones may be of
@@ -82,6 +80,8 @@ class LandmarkMap {
  private:
   LandmarkEstimate estimateOf(const Filter& filter, const Landmark& landmark) const;
   void drop(std::size_t index);
+  void putInactive(Landmark landmark);
+  Landmark takeInactive(Handle variable);
   bool isGood(const Landmark& landmark) const;
 
   Options options_;

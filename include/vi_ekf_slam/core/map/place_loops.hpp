@@ -7,7 +7,7 @@
 namespace vi_ekf_slam {
 
 /// Closes loops where ids do not return: what was seen lately is compared by its constellation with what was
-/// seen long ago in reach of the present uncertainty (PlaceRecogniser). A match is told to the filter as two
+/// seen long ago in reach of the present uncertainty (recognisePlace). A match is told to the filter as two
 /// points that are near each other; both remain.
 class PlaceLoops {
  public:

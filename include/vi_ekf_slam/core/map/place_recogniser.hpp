@@ -28,14 +28,11 @@ struct Recognition {
 /// other in pairs (the distance of two points does not depend on where one is); rigid transforms through
 /// three of them are verified on all points. What is found must be far beyond what chance gives, must not
 /// have a rival, and must be spread out: a false loop is worse than none.
-class PlaceRecogniser {
- public:
-  /// `about` is the vehicle's position (world, m), `covariance` the 6x6 of (position, rotation) along the
-  /// world axes of its error against the points seen before. Deterministic. Nothing where the place is not
-  /// recognised.
-  std::optional<Recognition> recognise(const std::vector<PlacePoint>& now,
-                                       const std::vector<PlacePoint>& before, const Eigen::Vector3d& about,
-                                       const Matrix6d& covariance) const;
-};
+///
+/// `about` is the vehicle's position (world, m), `covariance` the 6x6 of (position, rotation) along the world
+/// axes of its error against the points seen before. Deterministic. Nothing where nothing is recognised.
+std::optional<Recognition> recognisePlace(const std::vector<PlacePoint>& now,
+                                          const std::vector<PlacePoint>& before, const Eigen::Vector3d& about,
+                                          const Matrix6d& covariance);
 
 } // namespace vi_ekf_slam

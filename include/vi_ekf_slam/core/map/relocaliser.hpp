@@ -40,12 +40,7 @@ class Relocaliser {
   std::optional<Stamp> next_attempt_;
 };
 
-/// A saved map's landmarks, and its covariance a little larger than what rounding may have made of it.
-struct LoadedMap {
-  std::vector<Landmark> landmarks;
-  std::vector<Eigen::Vector3d> positions;
-  Eigen::MatrixXd covariance;
-};
-LoadedMap loadedFrom(const SavedMap& map);
+/// A saved map's covariance, a little larger than what rounding may have made of it.
+Eigen::MatrixXd loadedCovariance(const SavedMap& map);
 
 } // namespace vi_ekf_slam

@@ -8,17 +8,15 @@
 
 namespace vi_ekf_slam {
 
-/// Closes loops where ids return. Such a landmark begins as a new one, so that the drive goes on as if it
-/// were one. When some have been seen often enough, and settling the inactive ones has been saved up for,
-/// they are fused with what was seen of them before; and what should come into view next is made active, to
-/// be recognised at once.
+/// Closes loops where ids return. Such a landmark begins as a new one. When some have been seen often enough,
+/// and settling the inactive ones has been saved up for, they are fused with what was seen of them before;
+/// and what should come into view next is made active, to be recognised at once.
 class ReturningLandmarks {
  public:
   /// `seconds` have passed since the last frame. How many were fused.
   std::size_t update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
 
-  /// Fuses the active landmarks of these ids with the inactive ones, where at least `least` of them agree.
-  /// How many were.
+  /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree. How many.
   std::size_t fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
                    std::vector<FeatureId> ids, std::size_t least);
 
@@ -31,8 +29,5 @@ class ReturningLandmarks {
   std::unordered_set<FeatureId> elsewhere_; ///< in view, and not where they were seen before
   double allowance_ = 0.0;                  ///< floating-point operations saved up
 };
-
-/// The view has changed altogether since. One that was away for a moment has nothing to tell.
-bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId inactive);
 
 } // namespace vi_ekf_slam

@@ -2,9 +2,8 @@
 
 #include <optional>
 
-#include "vi_ekf_slam/core/paper/inverse_pose.hpp"
-#include "vi_ekf_slam/core/paper/joint_ekf.hpp"
-#include "vi_ekf_slam/core/paper/landmark_mapper.hpp"
+#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
+#include "vi_ekf_slam/core/paper/filters.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 
@@ -23,10 +22,11 @@ class PaperEstimator : public Estimator {
   std::vector<LandmarkEstimate> landmarks() const override;
 
  private:
-  void advanceTo(Stamp stamp);
+  void predictTo(Stamp stamp);
+  bool isJoint() const { return config_.mode == PaperMode::kSlam; }
 
   PaperConfig config_;
-  TwistHold hold_;
+  DeadReckoning held_;    ///< the measured twist, each sample held until the next, and its clock
   InversePose pose_;      ///< in the modes without a joint filter
   LandmarkMapper mapper_; ///< in mode mapping
   JointEkf joint_;        ///< in mode slam

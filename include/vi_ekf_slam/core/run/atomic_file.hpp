@@ -32,4 +32,7 @@ class AtomicFile {
   std::ofstream file_;
 };
 
+/// An AtomicFile of this text.
+void writeFile(const std::string& path, const std::string& text);
+
 } // namespace vi_ekf_slam

@@ -48,9 +48,8 @@ struct Config {
   PaperConfig paper;
 };
 
-/// Reads YAML text and checks every value. Unknown keys are errors, except the top-level sections named in
-/// `other_sections`, which belong to somebody else (the node's frames and topics). `source` is the file named
-/// in messages.
+/// Reads YAML text and checks every value. Unknown keys are errors, except the top-level `other_sections`,
+/// which belong to somebody else (the node's frames and topics). `source` is the file named in messages.
 Config parseConfig(const std::string& yaml, const std::string& source,
                    const std::vector<std::string>& other_sections = {});
 

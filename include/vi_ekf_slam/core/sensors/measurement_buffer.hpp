@@ -36,8 +36,7 @@ class MeasurementBuffer {
     /// ClockGuard)
     double max_jump_s = 1.0;
     double max_gap_s = 30.0; ///< s; after a longer gap the estimate starts anew
-    /// Measurements in a row that make a jump; 1: the first is believed. Single wrong stamps happen, five
-    /// that agree are a clock.
+    /// Measurements in a row that make a jump (1: any does). Single wrong stamps happen, five are a clock.
     std::size_t jump_confirmations = 5;
     /// Measurements held; beyond it the oldest are released. Bounds the memory: minutes of a fast IMU.
     std::size_t max_size = 100000;
@@ -50,7 +49,7 @@ class MeasurementBuffer {
     kJumpBack,  ///< time went back by more than max_jump_s: nothing was stored, the caller must reset
   };
 
-  explicit MeasurementBuffer(const Options& options);
+  explicit MeasurementBuffer(const Options& options) : options_(options) {}
 
   Verdict add(Measurement measurement);
 

@@ -19,8 +19,7 @@ struct StateEstimate {
   Stamp stamp = 0;
   SE3 world_T_imu;
   /// 6x6 of (position error in m, rotation error in rad), both along the WORLD axes: p = p^ + dp,
-  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance, whatever the estimator
-  /// uses inside.
+  /// R = Exp(dtheta) R^. This is the convention of geometry_msgs/PoseWithCovariance.
   Matrix6d pose_covariance = Matrix6d::Zero();
   /// (v in m/s, omega in rad/s), both in the IMU frame.
   Vector6d twist = Vector6d::Zero();
@@ -36,6 +35,9 @@ struct LandmarkEstimate {
 
 /// What an estimator did with one stereo frame.
 struct FrameReport {
+  FrameReport() = default;
+  explicit FrameReport(const StereoFrame& frame) : stamp(frame.stamp), features(frame.features.size()) {}
+
   Stamp stamp = 0;
   std::size_t features = 0; ///< in the frame
   std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
@@ -45,11 +47,10 @@ struct FrameReport {
   std::size_t removed = 0;       ///< landmarks that are no longer active
   std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
   bool place_recognised = false; ///< by the constellation of the landmarks
-  bool relocalised =
-      false; ///< in the loaded map: from this frame on all poses and landmarks are in its frame
-  std::size_t landmarks = 0;   ///< in the state after the frame, active
-  std::size_t inactive = 0;    ///< landmarks out of view that are in the joint covariance after the frame
-  bool frame_rejected = false; ///< the frame as a whole was found impossible and not used
+  bool relocalised = false;      ///< from this frame on all poses and landmarks are in the loaded map's frame
+  std::size_t landmarks = 0;     ///< in the state after the frame, active
+  std::size_t inactive = 0;      ///< landmarks out of view that are in the joint covariance after the frame
+  bool frame_rejected = false;   ///< the frame as a whole was found impossible and not used
   /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
   /// judged: the mean of their ratio is 1. 0 where nothing was used.
   double nis = 0.0;
@@ -59,10 +60,7 @@ struct FrameReport {
   Divergence divergence = Divergence::kNone;
 };
 
-/// Limits of what is used of a frame, see InvariantConfig.
-struct Gates {
-  double gate, frame_gate;
-};
+struct Gates;
 
 /// A causal estimator of pose and map. Measurements come in the order of their stamps (see
 /// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at the identity pose.
@@ -70,12 +68,10 @@ class Estimator {
  public:
   virtual ~Estimator() = default;
 
-  /// Calibration of the stereo pair; before it is known frames only advance the clock, their features
-  /// invalid.
+  /// Calibration of the stereo pair; before it is known frames only advance the clock: features are invalid.
   virtual void setRig(const StereoRig& rig) = 0;
 
-  /// What is known of the biases beforehand, instead of the configured prior; an estimator without biases has
-  /// no use for it.
+  /// What is known of the biases beforehand, instead of the configured prior.
   virtual void setBiasPrior(const TwistBias& /*bias*/) {}
 
   virtual void process(const GyroSample& sample) = 0;
@@ -90,15 +86,13 @@ class Estimator {
   /// one in that map, and the place is found. False, and nothing changes, for an estimator that cannot.
   virtual bool setPose(const SE3& /*world_T_imu*/, const Matrix6d& /*covariance*/) { return false; }
 
-  /// Whether the estimate may go on after a gap of so many s in which nothing is measured: the heading is
-  /// known well enough then.
+  /// Whether the estimate may go on after a gap of so many s: the heading is known well enough then.
   virtual bool canBridge(double /*gap_s*/) const { return true; }
 
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
 
-  /// Every landmark the estimator holds, ordered by id. A covariance may be one that has become smaller
-  /// since.
+  /// Every landmark the estimator holds, ordered by id. A covariance may have become smaller since.
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
   /// The same with the covariances of now. Cheap to be made; calling it computes, which may take as long as
   /// some seconds of the drive did, and may be done in any thread.
@@ -112,8 +106,7 @@ class Estimator {
   /// The state of now with its map. Cheap to be made; calling it computes, as long as exactMap's does, and
   /// may be done in any thread. Empty where there is nothing yet.
   virtual std::function<SavedMap()> savedMap() const { return {}; }
-  /// Before the first measurement. Looks for its place in `map`, by ids that return; from then on the map is
-  /// its own.
+  /// Before the first measurement. Looks for its place in `map`, by ids that return, and takes it over.
   virtual void relocaliseIn(std::shared_ptr<const SavedMap> /*map*/) {}
   /// Before the first measurement. Goes on from `map`, if that was saved at most `max_gap_s` before the first
   /// measurement; else as relocaliseIn. Throws MapError, in the name of `source`, for a map of another motion
@@ -122,14 +115,5 @@ class Estimator {
                           double /*max_gap_s*/) {}
   virtual MapUse mapUse() const { return MapUse::kNone; }
 };
-
-struct Config;
-struct InvariantConfig;
-
-Gates gatesOf(const InvariantConfig& config);
-void setGates(InvariantConfig& config, const Gates& gates);
-
-/// The estimator that `config.estimator` asks for.
-std::unique_ptr<Estimator> makeEstimator(const Config& config);
 
 } // namespace vi_ekf_slam

@@ -9,8 +9,19 @@
 
 namespace vi_ekf_slam {
 
+/// Limits of what is used of a frame that may be changed while it runs, see FrameUpdate::Options.
+struct Gates {
+  double gate, frame_gate;
+};
+
 /// The right-invariant EKF, room by room.
 struct InvariantConfig {
+  Gates gates() const { return {update.gate, update.frame_gate}; }
+  void setGates(const Gates& gates) {
+    update.gate = gates.gate;
+    update.frame_gate = gates.frame_gate;
+  }
+
   ConstantTwist::Options motion;
   StereoModel::Options stereo;
   TrackSlip::Options slip;
@@ -19,8 +30,7 @@ struct InvariantConfig {
   LandmarkMap::Options map;
   /// Standard deviation of the relative error of the baseline beforehand; 0: the baseline is known.
   double scale_sigma = 0.0;
-  /// Median motion of the tracks in a tenth of a second up to which the picture stands still, px; 0:
-  /// standstill is not looked for.
+  /// Median motion of the tracks in a tenth of a second up to which the picture stands still, px; 0: never.
   double standstill_px = 0.3;
   /// Whether places are recognised by the constellation of their landmarks, where ids do not return.
   bool recognise_places = false;

@@ -13,8 +13,7 @@
 
 namespace vi_ekf_slam {
 
-/// The right-invariant EKF SLAM: what wires the rooms, in the order in which a measurement passes through
-/// them (docs/architecture.md).
+/// The right-invariant EKF SLAM: wires the rooms as a measurement passes them (docs/architecture.md).
 class InvariantEstimator : public Estimator {
  public:
   explicit InvariantEstimator(const InvariantConfig& config);
@@ -24,7 +23,7 @@ class InvariantEstimator : public Estimator {
   void process(const GyroSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
-  void setGates(const Gates& gates) override;
+  void setGates(const Gates& gates) override { config_.setGates(gates); }
   bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) override;
   bool canBridge(double gap_s) const override;
   StateEstimate state() const override;
@@ -41,14 +40,11 @@ class InvariantEstimator : public Estimator {
   void advanceTo(Stamp stamp);
   void propagate(Filter& filter, double dt) const;
   void checkpoint(bool thoroughly);
-  void handleStandstill(const StereoFrame& frame);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
-  void beginMapAnew(const StereoFrame& frame, const std::vector<std::size_t>& usable, FrameReport& report);
   void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
-  void closeLoops(FrameReport& report);
   void resume(const Closures::Resume& from, Stamp stamp);
 
   struct LastFrame {

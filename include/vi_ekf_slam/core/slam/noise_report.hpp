@@ -21,14 +21,12 @@ struct StreamNoise {
 /// "gyro 0.05 rad/s (from its messages)".
 std::string toText(const StreamNoise& noise);
 
-/// Collects the noise of each stream from the first measurement that is used, for a run's log and its
-/// summary.
+/// Collects the noise of each stream from the first measurement that is used, for a run's log and summary.
 class NoiseReport {
  public:
   explicit NoiseReport(const Config& config);
 
-  /// A measurement is used. What is new by it: the first of a stream, or the first whose noise has another
-  /// source.
+  /// A measurement is used. What is new by it: a stream, or another source of its noise.
   std::optional<StreamNoise> note(const Measurement& measurement);
   /// Those that were used, in the order of Stream. A source that came later is named behind the first.
   std::vector<StreamNoise> streams() const;

@@ -18,8 +18,7 @@
 
 namespace vi_ekf_slam {
 
-/// A faster measurement is no motion of a vehicle but a fault, and large enough ones would overflow the
-/// filter.
+/// A faster measurement is no motion of a vehicle but a fault; far faster ones would overflow the filter.
 constexpr double kMaxSpeed = 1e3;        ///< m/s
 constexpr double kMaxAngularSpeed = 1e3; ///< rad/s
 
@@ -33,22 +32,16 @@ struct Output {
 
 /// Counts since construction; a reset does not clear them.
 struct SystemCounts {
-  std::array<std::uint64_t, kStreamCount> processed{};
-  std::array<std::uint64_t, kStreamCount> late{};
-  std::array<std::uint64_t, kStreamCount> duplicate{};
-  std::array<std::uint64_t, kStreamCount> ahead{};    ///< a stamp far ahead of all others, not confirmed
-  std::array<std::uint64_t, kStreamCount> behind{};   ///< a stamp far behind all others, not confirmed
-  std::array<std::uint64_t, kStreamCount> invalid{};  ///< not finite, too fast, or a covariance that is none
-  std::array<std::uint64_t, kStreamCount> too_fast{}; ///< of the invalid: beyond kMaxSpeed and the like
-  std::array<std::uint64_t, kStreamCount>
-      bad_covariance{}; ///< of the invalid: not symmetric positive definite
+  using PerStream = std::array<std::uint64_t, kStreamCount>;
+  PerStream processed{}, late{}, duplicate{};
+  PerStream ahead{}, behind{}; ///< a stamp far ahead of all others or behind them, not confirmed
+  PerStream invalid{};         ///< not finite, too fast, or a covariance that is none
+  PerStream too_fast{};        ///< of the invalid: beyond kMaxSpeed and the like
+  PerStream bad_covariance{};  ///< of the invalid: not symmetric positive definite
   std::uint64_t frames_without_rig = 0;
   std::uint64_t resets = 0;
   std::uint64_t gaps = 0; ///< longer than max_jump_s, short enough to go on
-  std::uint64_t features = 0;
-  std::uint64_t features_invalid = 0;
-  std::uint64_t features_used = 0;
-  std::uint64_t features_rejected = 0;
+  std::uint64_t features = 0, features_invalid = 0, features_used = 0, features_rejected = 0;
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
   std::uint64_t places_recognised = 0;
@@ -57,6 +50,9 @@ struct SystemCounts {
   double blind_s = 0.0; ///< s of sensor time in periods without a correction by features, see Blindness
   std::uint64_t blind_periods = 0; ///< their number
 };
+
+/// The estimator that `config.estimator` asks for.
+std::unique_ptr<Estimator> makeEstimator(const Config& config);
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:
 /// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run
@@ -85,8 +81,7 @@ class SlamSystem {
   /// std::invalid_argument unless all is finite and the sigmas are positive.
   void setBiasPrior(const TwistBias& bias);
 
-  /// Takes a measurement and processes whatever is due. A measurement that is not usable is dropped and
-  /// counted.
+  /// Processes whatever is due with it. A measurement that is not usable is dropped and counted.
   void add(Measurement measurement);
 
   /// Processes all that is still held: the data are over.
@@ -124,13 +119,11 @@ class SlamSystem {
   };
 
   void requireJointMap(const std::string& source) const;
-  bool waitingForRig() const;
   bool countInvalid(const Measurement& measurement);
   void buffer(Measurement measurement);
   void followJump();
   void countStrays();
   void drain();
-  void noteNoise(const Measurement& measurement);
   void process(const Measurement& measurement);
   void count(const FrameReport& report);
 

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "vi_ekf_slam/TuningConfig.h"
-#include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/slam/invariant_config.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {

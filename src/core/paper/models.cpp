@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/paper/observation.hpp"
+#include "vi_ekf_slam/core/paper/models.hpp"
 
 #include <cmath>
 #include <cstdint>
@@ -6,7 +6,20 @@
 
 namespace vi_ekf_slam::paper {
 
+Matrix6d errorTransition(const Vector6d& twist, double tau) {
+  // exp of the curly hat is the adjoint of exp: Barfoot, "State Estimation for Robotics", eq. 7.44.
+  return SE3::Exp(-tau * twist).adjoint();
+}
+
+void predict(const Vector6d& twist, double tau, const Matrix6d& W, InversePose& pose) {
+  pose.imu_T_world = (SE3::Exp(-tau * twist) * pose.imu_T_world).normalized();
+  const Matrix6d F = errorTransition(twist, tau);
+  const Matrix6d P = F * pose.covariance * F.transpose() + W;
+  pose.covariance = 0.5 * (P + P.transpose());
+}
+
 bool isPlausible(const StereoPixels& pixels) {
+  constexpr double kMaxPixel = 1e6; // no image is that wide, and the square of one far beyond it overflows
   return (pixels.array().abs() <= kMaxPixel).all(); // false for what is not a number, too
 }
 
@@ -21,7 +34,7 @@ std::optional<PredictedObservation> predictObservation(const StereoRig& rig, con
   PredictedObservation prediction;
   prediction.pixels = rig.camera.project(p_cam);
   prediction.by_landmark = by_imu_point * imu_T_world.rotation();
-  prediction.by_pose = by_imu_point * se3::odot(p_imu).topRows<3>();
+  prediction.by_pose = by_imu_point * se3::pointJacobian(p_imu);
   return prediction;
 }
 

@@ -1,8 +1,25 @@
-#include "vi_ekf_slam/core/map/point_grid.hpp"
+#include "vi_ekf_slam/core/map/points.hpp"
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 
 namespace vi_ekf_slam {
+
+Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) centre += p / static_cast<double>(points.size());
+  return centre;
+}
+
+double widthOf(const std::vector<Eigen::Vector3d>& points) {
+  const Eigen::Vector3d centre = centreOf(points);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points)
+    scatter += (p - centre) * (p - centre).transpose() / static_cast<double>(points.size());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(scatter, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, axes.eigenvalues()[1]));
+}
 
 PointGrid::PointGrid(const std::vector<Eigen::Vector3d>& points, double cell) : points_(points), cell_(cell) {
   for (std::size_t i = 0; i < points_.size(); ++i) cells_[keyOf(points_[i], 0, 0, 0)].push_back(i);

@@ -7,12 +7,23 @@
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 
+/// The paper's models: how the pose moves, what the pair sees, and which landmarks there are.
 namespace vi_ekf_slam::paper {
 
-/// px; no image is that wide, and the square of a pixel far beyond it overflows.
-constexpr double kMaxPixel = 1e6;
+/// The inverse pose U = imu_T_world with its covariance, as the paper keeps it: U = Exp(delta) U^,
+/// delta = (translation, rotation) along the IMU's axes.
+struct InversePose {
+  SE3 imu_T_world;
+  Matrix6d covariance = Matrix6d::Zero();
+};
 
-/// Whether four numbers can be pixels at all: finite and none beyond `kMaxPixel` on either side.
+/// Transition of the error delta over `tau` s under the twist u: exp(-tau u^curlywedge), 6x6 (eq. 10).
+Matrix6d errorTransition(const Vector6d& twist, double tau);
+
+/// EKF prediction (eq. 11): mean exp(-tau u^) U, covariance F Sigma F^T + W, where W is the 6x6 of this step.
+void predict(const Vector6d& twist, double tau, const Matrix6d& W, InversePose& pose);
+
+/// Whether four numbers can be pixels at all: finite, and none beyond 1e6 px on either side.
 bool isPlausible(const StereoPixels& pixels);
 
 /// z~ and its derivatives at the state (U, m), eq. 15, 16 and 19.
@@ -22,8 +33,7 @@ struct PredictedObservation {
   Eigen::Matrix<double, 4, 6> by_pose;     ///< eq. 19, for U = Exp(delta) U^
 };
 
-/// Predicts what the pair sees of the point `landmark_world` (m). Nothing when it is nearer than
-/// `min_depth_m`.
+/// What the pair sees of the point `landmark_world` (m). Nothing when it is nearer than `min_depth_m`.
 std::optional<PredictedObservation> predictObservation(const StereoRig& rig, const SE3& imu_T_world,
                                                        const Eigen::Vector3d& landmark_world,
                                                        double min_depth_m);

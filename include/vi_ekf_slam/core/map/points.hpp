@@ -9,6 +9,10 @@
 
 namespace vi_ekf_slam {
 
+Eigen::Vector3d centreOf(const std::vector<Eigen::Vector3d>& points);
+/// Standard deviation (m) along the second longest principal axis: 0 where the points are in a line.
+double widthOf(const std::vector<Eigen::Vector3d>& points);
+
 /// Points in cubes, to find the nearest one.
 class PointGrid {
  public:
