@@ -41,7 +41,7 @@ TUNED_PAPER = {"mode": "slam", "motion_noise": [0.0025, 0.0025, 0.0025, 0.000025
                "landmark_fraction": 0.05, "min_depth_m": 0.5, "max_depth_m": 150.0}
 NEVER = 1.0e9  # of a gate
 # Keys that no configuration file has (docs/architecture.md).
-STUDIES = {"studies": dict.fromkeys(("consensus", "plausible_gate", "motion_gate", "divergence_jump_m"))}
+STUDIES = {"studies": dict.fromkeys(("consensus", "unbiased_starts", "plausible_gate", "motion_gate", "divergence_jump_m"))}
 
 Row = namedtuple("Row", "name options changes")
 Row.__doc__ = """options: more of dataset_to_bag.py. changes: laid over the configuration."""
