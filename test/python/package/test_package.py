@@ -37,13 +37,13 @@ def test_every_python_file_compiles_with_the_oldest_supported_version():
 
 
 def test_pytest_at_the_root_collects_the_python_tests_alone():
-    """All of test/python, and none of the rostests, which need a master."""
+    """All of them, and none of the rostests, which need a master."""
     done = subprocess.run([sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"], cwd=ROOT,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 0, done.stdout
     collected = {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line}
     there = {os.path.relpath(os.path.join(below, name), ROOT)
-             for below, _, names in os.walk(os.path.join(ROOT, "test", "python")) for name in names
+             for below, _, names in os.walk(os.path.join(ROOT, "test")) for name in names
              if name.startswith("test_") and name.endswith(".py")}
     assert collected == there
 

@@ -4,8 +4,7 @@ import importlib.util
 import os
 
 import pytest
-
-ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
+from conftest import ROOT
 
 
 @pytest.fixture
