@@ -1,3 +1,5 @@
+#include "vi_ekf_slam/core/paper/filters.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,7 +11,6 @@
 #include "../street.hpp"
 #include "reference.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/paper/filters.hpp"
 
 namespace vi_ekf_slam::paper {
 namespace {
