@@ -54,7 +54,7 @@ Eigen::Vector3d turned(const Eigen::Vector3d& way, const Eigen::Vector3d& change
 std::vector<Eigen::Vector3d> moveAsChain(const std::vector<Eigen::Vector3d>& points,
                                          const std::vector<Eigen::Vector3d>& corrections) {
   std::vector<Eigen::Vector3d> moved(points.size());
-  Eigen::Vector3d centre, last_centre, last_correction;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero(), last_centre = centre, last_correction = centre;
   for (std::size_t begin = 0; begin < points.size();) {
     const std::size_t left = points.size() - begin;
     const Piece piece = pieceOf(points, corrections, begin, begin + (left < 2 * kPiece ? left : kPiece));
