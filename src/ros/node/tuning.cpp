@@ -40,7 +40,7 @@ void applyStored(const ros::NodeHandle& private_nh, FullConfig& config) {
   config.ros.path_period_s = stored.path_period_s;
   config.ros.landmark_period_s = stored.landmark_period_s;
   config.ros.max_bandwidth_bytes_s = stored.max_bandwidth_bytes_s;
-  setGates(config.core.invariant, gatesOf(stored));
+  config.core.invariant.setGates(gatesOf(stored));
 }
 
 Tuning::Tuning(const ros::NodeHandle& private_nh, const FullConfig& config,
