@@ -2,14 +2,19 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
+#include <string>
+#include <type_traits>
 
 namespace vi_ekf_slam {
 namespace {
 
-constexpr std::size_t kChunk = 1 << 18; // bytes in memory, about
+constexpr std::size_t kChunk = 256; // records in memory at most
+
+static_assert(std::is_trivially_copyable_v<RunRecord>);
 
 [[noreturn]] void fail(const char* what) {
   throw std::runtime_error(std::string("temporary file of the run's results: ") + what + ": " +
@@ -30,25 +35,29 @@ void transfer(Call call, std::FILE* file, Byte* data, std::size_t bytes, std::si
 
 } // namespace
 
-std::size_t TextSpool::append(const std::string& text) {
+std::size_t RecordSpool::append(const std::vector<RunRecord>& records) {
   if (!file_) {
     std::FILE* file = std::tmpfile();
     if (file == nullptr) fail("cannot be made");
     file_.reset(file, [](std::FILE* f) { std::fclose(f); });
   }
-  transfer(pwrite, file_.get(), text.data(), text.size(), size_, "cannot be written");
-  return std::exchange(size_, size_ + text.size());
+  const std::size_t position = size_;
+  transfer(pwrite, file_.get(), reinterpret_cast<const char*>(records.data()),
+           records.size() * sizeof(RunRecord), position * sizeof(RunRecord), "cannot be written");
+  size_ += records.size();
+  return position;
 }
 
-void TextSpool::read(std::size_t position, std::string& text) const {
-  transfer(pread, file_.get(), text.data(), text.size(), position, "cannot be read");
+void RecordSpool::read(std::size_t position, std::vector<RunRecord>& records) const {
+  transfer(pread, file_.get(), reinterpret_cast<char*>(records.data()), records.size() * sizeof(RunRecord),
+           position * sizeof(RunRecord), "cannot be read");
 }
 
-void RunRecords::add(Stamp stamp, const std::string& text) {
-  if (recent_.size() >= kChunk) close();
-  recent_ += text;
-  if (size_++ == 0) first_stamp_ = stamp;
-  last_stamp_ = stamp;
+void RunRecords::add(const RunRecord& record) {
+  if (recent_.size() == kChunk) close();
+  recent_.push_back(record);
+  if (size_++ == 0) first_stamp_ = record.stamp;
+  last_stamp_ = record.stamp;
 }
 
 void RunRecords::close() {
@@ -57,14 +66,14 @@ void RunRecords::close() {
   recent_.clear();
 }
 
-void RunRecords::forEach(const std::function<void(const std::string&)>& visit) const {
-  std::string text;
+void RunRecords::forEach(const std::function<void(const RunRecord&)>& visit) const {
+  std::vector<RunRecord> records;
   for (const Chunk& chunk : spooled_) {
-    text.resize(chunk.bytes);
-    spool_->read(chunk.position, text);
-    visit(text);
+    records.resize(chunk.count);
+    spool_->read(chunk.position, records);
+    std::for_each(records.begin(), records.end(), visit);
   }
-  visit(recent_);
+  std::for_each(recent_.begin(), recent_.end(), visit);
 }
 
 } // namespace vi_ekf_slam

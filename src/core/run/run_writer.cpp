@@ -32,6 +32,17 @@ std::string pathIn(const std::string& directory, const char* name) {
   return (fs::path(directory) / name).string();
 }
 
+std::array<double, 12> toNumbers(const SE3& pose) {
+  std::array<double, 12> numbers{};
+  Eigen::Map<Eigen::Matrix<double, 3, 4>>(numbers.data()) << pose.rotation(), pose.translation();
+  return numbers;
+}
+
+SE3 toPose(const std::array<double, 12>& numbers) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4>> matrix(numbers.data());
+  return {matrix.leftCols<3>(), matrix.col(3)};
+}
+
 std::string tumLine(Stamp stamp, const SE3& pose) {
   Eigen::Quaterniond q(pose.rotation());
   if (q.w() < 0.0) q.coeffs() = -q.coeffs();
@@ -127,18 +138,27 @@ void RunWriter::requireDirectory(const std::string& directory) {
   if (!made.empty()) fs::remove_all(made, kept);
 }
 
-/// A record has one line for each of the files of writeRun.
-void RunWriter::add(const Output& o) {
-  const StateEstimate& state = o.state;
-  runs_.back().records.add(state.stamp, tumLine(state.stamp, state.world_T_imu) +
-                                            tumLine(state.stamp, o.odom_T_imu) + stampText(state.stamp) +
-                                            upperTriangle(state.pose_covariance) + "\n" +
-                                            frameLine(o.report, o.update_s));
+RunRecord RunWriter::toRecord(const Output& o) {
+  RunRecord record;
+  record.stamp = o.state.stamp;
+  record.world_T_imu = toNumbers(o.state.world_T_imu);
+  record.odom_T_imu = toNumbers(o.odom_T_imu);
+  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
+  record.report = o.report;
+  record.update_s = o.update_s;
+  return record;
 }
 
 void RunWriter::addFrame(const Output& output) {
-  if (!hasFrames()) runs_.back() = {RunRecords(spool_), true};
-  add(output);
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records = RunRecords(spool_);
+  run.has_frames = true;
+  run.records.add(toRecord(output));
+}
+
+void RunWriter::addGyro(const Output& output) {
+  Run& run = runs_.back();
+  if (!run.has_frames) run.records.add(toRecord(output));
 }
 
 void RunWriter::restart() {
@@ -153,21 +173,25 @@ std::vector<std::size_t> RunWriter::earlierSizes() const {
   return sizes;
 }
 
+double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
+
 void RunWriter::writeRun(const std::string& directory, const Run& run) {
   makeDirectory(directory);
-  std::array<AtomicFile, 4> files{
-      AtomicFile(pathIn(directory, kTrajectory)), AtomicFile(pathIn(directory, kDeadReckoning)),
-      AtomicFile(pathIn(directory, kCovariance)), AtomicFile(pathIn(directory, kFrames))};
-  files[2] << covarianceHeader();
-  files[3] << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
-              "update_ms\n";
-  run.records.forEach([&](const std::string& text) {
-    std::istringstream lines(text);
-    std::string line;
-    for (std::size_t i = 0; std::getline(lines, line); ++i)
-      if (i % 4 != 3 || run.has_frames) files[i % 4] << line + "\n";
+  AtomicFile trajectory(pathIn(directory, kTrajectory));
+  AtomicFile dead_reckoning(pathIn(directory, kDeadReckoning));
+  AtomicFile covariance(pathIn(directory, kCovariance));
+  AtomicFile frames(pathIn(directory, kFrames));
+  covariance << covarianceHeader();
+  frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
+            "update_ms\n";
+  run.records.forEach([&](const RunRecord& r) {
+    trajectory << tumLine(r.stamp, toPose(r.world_T_imu));
+    dead_reckoning << tumLine(r.stamp, toPose(r.odom_T_imu));
+    const Eigen::Map<const Matrix6d> P(r.pose_covariance.data());
+    covariance << stampText(r.stamp) + upperTriangle(P) + "\n";
+    if (run.has_frames) frames << frameLine(r.report, r.update_s);
   });
-  for (AtomicFile& file : files) file.commit();
+  for (AtomicFile* file : {&trajectory, &dead_reckoning, &covariance, &frames}) file->commit();
 }
 
 void RunWriter::writeTrajectory(const std::string& directory) const {

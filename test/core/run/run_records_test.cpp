@@ -2,33 +2,34 @@
 
 #include <gtest/gtest.h>
 
-#include <sstream>
 #include <thread>
 
 namespace vi_ekf_slam {
 namespace {
 
-void add(RunRecords& records, std::size_t number) {
-  records.add(static_cast<Stamp>(number) * 100000000, std::to_string(number) + std::string(700, ' ') + "\n");
+RunRecord recordOf(std::size_t number) {
+  RunRecord record;
+  record.stamp = static_cast<Stamp>(number) * 100000000;
+  record.pose_covariance[35] = static_cast<double>(number);
+  record.report.used = number;
+  return record;
 }
 
 /// Numbers of the records, which must be those from `first` on.
 std::size_t countFrom(const RunRecords& records, std::size_t first) {
   std::size_t next = first;
-  records.forEach([&next](const std::string& text) {
-    std::istringstream lines(text);
-    for (std::string line; std::getline(lines, line); ++next) {
-      EXPECT_EQ(line.size(), std::to_string(next).size() + 700);
-      EXPECT_EQ(std::stoul(line), next);
-    }
+  records.forEach([&next](const RunRecord& record) {
+    EXPECT_EQ(record.report.used, next);
+    EXPECT_EQ(record.pose_covariance[35], static_cast<double>(next));
+    ++next;
   });
   return next - first;
 }
 
 TEST(RunRecords, ComeBackInOrder) {
-  for (const std::size_t size : {0, 1, 370, 371, 372, 373, 374, 375, 1000}) {
-    RunRecords records(std::make_shared<TextSpool>());
-    for (std::size_t i = 0; i < size; ++i) add(records, i);
+  for (const std::size_t size : {0, 1, 255, 256, 257, 1000}) {
+    RunRecords records(std::make_shared<RecordSpool>());
+    for (std::size_t i = 0; i < size; ++i) records.add(recordOf(i));
     EXPECT_EQ(records.size(), size);
     EXPECT_EQ(records.empty(), size == 0);
     EXPECT_EQ(countFrom(records, 0), size);
@@ -37,22 +38,22 @@ TEST(RunRecords, ComeBackInOrder) {
 }
 
 TEST(RunRecords, OfSeveralRunsShareASpool) {
-  const auto spool = std::make_shared<TextSpool>();
+  const auto spool = std::make_shared<RecordSpool>();
   RunRecords first(spool), second(spool);
-  for (std::size_t i = 0; i < 300; ++i) add(first, i);
+  for (std::size_t i = 0; i < 300; ++i) first.add(recordOf(i));
   first.close();
-  for (std::size_t i = 500; i < 1100; ++i) add(second, i);
+  for (std::size_t i = 500; i < 1100; ++i) second.add(recordOf(i));
   EXPECT_EQ(countFrom(first, 0), 300U);
   EXPECT_EQ(countFrom(second, 500), 600U);
 }
 
 TEST(RunRecords, CopiesCanBeReadWhileTheOriginalGrows) {
-  RunRecords records(std::make_shared<TextSpool>());
-  for (std::size_t i = 0; i < 1000; ++i) add(records, i);
+  RunRecords records(std::make_shared<RecordSpool>());
+  for (std::size_t i = 0; i < 1000; ++i) records.add(recordOf(i));
   std::thread reader([copy = records] {
     for (int i = 0; i < 20; ++i) EXPECT_EQ(countFrom(copy, 0), 1000U);
   });
-  for (std::size_t i = 1000; i < 20000; ++i) add(records, i);
+  for (std::size_t i = 1000; i < 20000; ++i) records.add(recordOf(i));
   reader.join();
   EXPECT_EQ(countFrom(records, 0), 20000U);
 }

@@ -26,12 +26,14 @@ struct RunSummary {
 /// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.
 ///
 /// - trajectory.tum, dead_reckoning.tum: `stamp tx ty tz qx qy qz qw` of world_T_imu and odom_T_imu, one line
-///   a stereo frame; where there is none (dead reckoning only) one line a gyro sample.
+/// a
+///   stereo frame. Input without any stereo frame (dead reckoning only) has one line a gyro sample instead.
 /// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
 ///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
 /// - frames.csv: the FrameReport of each frame. landmarks.csv: final map. summary.yaml: counts and times.
 ///
-/// A file appears only when it is complete. Failures throw std::runtime_error with file and cause.
+/// A file appears under its name only when it is complete. Failures throw std::runtime_error with file and
+/// cause.
 class RunWriter {
  public:
   static constexpr const char *kTrajectory = "trajectory.tum", *kDeadReckoning = "dead_reckoning.tum",
@@ -44,17 +46,16 @@ class RunWriter {
 
   void addFrame(const Output& output);
   /// Kept only as long as there is no frame.
-  void addGyro(const Output& output) {
-    if (!hasFrames()) add(output);
-  }
-  /// A new start (the clock may have gone back): earlier results go to DIR/before_reset_1, _2, ...
+  void addGyro(const Output& output);
+  /// A new start (the clock may have gone back): earlier results go to DIR/before_reset_1, _2, ... from now
+  /// on.
   void restart();
 
   bool empty() const { return runs_.back().records.empty(); }
   bool hasFrames() const { return runs_.back().has_frames; }
   std::size_t size() const { return runs_.back().records.size(); }
   /// s of sensor time from the first to the last record.
-  double sensorSeconds() const { return runs_.back().records.seconds(); }
+  double sensorSeconds() const;
 
   /// Number of poses in each of DIR/before_reset_1, _2, ...
   std::vector<std::size_t> earlierSizes() const;
@@ -74,10 +75,10 @@ class RunWriter {
     bool has_frames = false;
   };
 
-  void add(const Output& output);
+  static RunRecord toRecord(const Output& output);
   static void writeRun(const std::string& directory, const Run& run);
 
-  std::shared_ptr<TextSpool> spool_ = std::make_shared<TextSpool>();
+  std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
   std::vector<Run> runs_{{RunRecords(spool_)}};
 };
 
