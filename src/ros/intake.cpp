@@ -46,7 +46,8 @@ std::uint64_t Intake::received() const {
 std::string Intake::missingInputs() const {
   std::string missing;
   const auto require = [&](Stream stream, const std::string& topic) {
-    if (counts_.received[index(stream)] == 0) missing += (missing.empty() ? "" : ", ") + topic;
+    if (counts_.received[index(stream)] == 0 && !topic.empty())
+      missing += (missing.empty() ? "" : ", ") + topic;
   };
   require(Stream::kGyro, topics_.imu);
   require(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);

@@ -21,6 +21,7 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
   --features TOPIC     vi_ekf_slam/StereoFeatureArray                 [/features]
   --left-info TOPIC    sensor_msgs/CameraInfo                         [/left/camera_info]
   --right-info TOPIC   sensor_msgs/CameraInfo                         [/right/camera_info]
+                       an empty TOPIC: that input is not wanted, and not missed
   --topic-prefix NAME  put before each of the seven names above; the transforms from the IMU to the left camera and
                        to where velocities are of always come from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
@@ -48,7 +49,7 @@ void makeAbsolute(InputTopics& topics, const std::string& prefix) {
   while (!stem.empty() && stem.back() == '/') stem.pop_back();
   for (std::string* topic : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
                              &topics.features, &topics.left_info, &topics.right_info}) {
-    *topic = stem + absolute(*topic);
+    if (!topic->empty()) *topic = stem + absolute(*topic);
   }
 }
 

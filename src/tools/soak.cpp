@@ -24,11 +24,11 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kFrameRate = 10.0;    // Hz
-constexpr double kReportPeriod = 3600; // s of sensor time
-constexpr double kMapPeriod = 60.0;    // s of sensor time between maps as messages
-constexpr double kMemoryPeriod = 60.0; // s of sensor time between samples
-constexpr std::size_t kHour = 60;      // samples
+constexpr double kFrameRate = 10.0;        // Hz
+constexpr double kReportPeriod = 3600;     // s of sensor time
+constexpr double kMapPeriod = 60.0;        // s of sensor time between maps as messages
+constexpr double kMemoryPeriod = 60.0;     // s of sensor time between samples
+constexpr std::size_t kHour = 60;          // samples
 constexpr std::size_t kWarmUp = 2 * kHour; // until all that is bounded is full; the archive is after an hour
 constexpr double kAllowedGrowth = 0.05;
 
@@ -238,10 +238,10 @@ class Soak {
     writer_.writeTrajectory(options_.output);
     const auto landmarks = system_.estimator().landmarks();
     writer_.writeMap(options_.output, landmarks);
-    writer_.writeSummary(options_.output,
-                         {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(),
-                          system_.noise().streams()},
-                         landmarks.size());
+    writer_.writeSummary(
+        options_.output,
+        {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(), system_.noise().streams()},
+        landmarks.size());
     std::ifstream file(options_.output + "/trajectory.tum");
     std::size_t lines = 0;
     for (std::string line; std::getline(file, line);) {

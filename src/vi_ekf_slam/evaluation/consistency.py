@@ -39,6 +39,7 @@ def nees(errors, covariances):
     return result
 
 
-def chi_square_bounds(dof):
-    """Lower and upper bounds, between which 95 % of a chi-square variable lie. dof: number or array; nan for 0."""
-    return chdtri(dof, 0.975), chdtri(dof, 0.025)
+def chi_square_bounds(dof, outside=0.05):
+    """Lower and upper bounds of a chi-square variable, beyond which it lies but for the share `outside`, as often below as
+    above. dof: number or array; nan for 0."""
+    return chdtri(dof, 1.0 - outside / 2.0), chdtri(dof, outside / 2.0)

@@ -24,7 +24,7 @@ METHODS = {
     "paper_dead_reckoning": Method("paper: dead reckoning", "paper_dead_reckoning", "dead_reckoning", ()),
     "paper_mapping": Method("paper: mapping", "paper_mapping", "mapping", ()),
     "paper_slam": Method("paper: SLAM", "paper_slam", "slam", ()),
-    "ours_camera_off": Method("ours: camera off", "ours", None, ("--features", "/none")),  # a topic that is not there
+    "ours_camera_off": Method("ours: camera off", "ours", None, ("--features", "")),
     "ours_slam": Method("ours: SLAM", "ours", None, ()),
 }
 

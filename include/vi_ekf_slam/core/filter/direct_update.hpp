@@ -47,9 +47,9 @@ class DirectUpdate {
 
   std::vector<Seen> seen_;
   std::vector<Eigen::Index> rest_; ///< rows
-  Eigen::MatrixXd S_inverse_; ///< lower triangle, by blocks
-  Eigen::MatrixXd weighted_; ///< of the rest: P H^T L^-T
-  Eigen::MatrixXd gain_;     ///< of the rest: P H^T S^-1
+  Eigen::MatrixXd S_inverse_;      ///< lower triangle, by blocks
+  Eigen::MatrixXd weighted_;       ///< of the rest: P H^T L^-T
+  Eigen::MatrixXd gain_;           ///< of the rest: P H^T S^-1
 };
 
 /// P <- T P T^T, where T re-expresses points, y <- M y.

@@ -50,7 +50,7 @@ class StandstillDetector {
   double still_px_;
   std::deque<Sample> velocities_, rates_;
   Eigen::Vector3d bias_variance_ = Eigen::Vector3d::Zero(); ///< of the gyro
-  std::deque<Flow> flows_; ///< of frames that share enough tracks with the one before
+  std::deque<Flow> flows_;                     ///< of frames that share enough tracks with the one before
   std::vector<StereoFeatureObservation> last_; ///< by id
   Stamp last_stamp_ = 0;
 };
