@@ -52,7 +52,6 @@ std::string BaseFrame::problem() const {
   return what + (parent == config_.odom_frame
                      ? "set ros/publish_odom_tf to false, if that is another odometry"
                      : "set ros/base_frame to the root of the robot's frames, since a frame has one parent");
-  return {};
 }
 
 SE3 BaseFrame::pose(const SE3& world_T_imu) const {

@@ -26,17 +26,6 @@ from waiting import wait_for
 START = 1000.0
 
 
-def matrix(translation, rotation):
-    """4x4 of a translation and a quaternion message."""
-    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
-    m = np.eye(4)
-    m[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                 [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
-    m[:3, 3] = translation.x, translation.y, translation.z
-    return m
-
-
 class Live(unittest.TestCase):
     """One node. What it answered to a first drive, and saved of it, is there for all tests; what plays more is its own."""
 
@@ -111,9 +100,9 @@ class Live(unittest.TestCase):
         odom_t_imu = {t.header.stamp: t.transform for t in self.transforms("imu_link")}
         for stamp, message in odometry.items():
             self.assertEqual(("map", "imu_link"), (message.header.frame_id, message.child_frame_id))
-            pose = matrix(message.pose.pose.position, message.pose.pose.orientation)
+            pose = drive_data.matrix(message.pose.pose.position, message.pose.pose.orientation)
             a, b = map_t_odom[stamp], odom_t_imu[stamp]
-            chained = matrix(a.translation, a.rotation) @ matrix(b.translation, b.rotation)
+            chained = drive_data.matrix(a.translation, a.rotation) @ drive_data.matrix(b.translation, b.rotation)
             np.testing.assert_allclose(chained, pose, atol=1e-9)
         last = odometry[self.end]
         self.assertAlmostEqual(drive_data.SPEED + drive_data.SPEED_ERROR, last.twist.twist.linear.x, 6)

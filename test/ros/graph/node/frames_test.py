@@ -29,20 +29,9 @@ URDF = """<robot name="cart"><link name="base_link"/><link name="imu_link"/><lin
 FOREIGN_SPEED, FOREIGN_RATE = 2.4, 0.26
 
 
-def matrix(translation, rotation):
-    """4x4 of a translation and a quaternion message."""
-    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
-    m = np.eye(4)
-    m[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                 [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
-    m[:3, 3] = translation.x, translation.y, translation.z
-    return m
-
-
 def pose_of(odometry):
     """4x4."""
-    return matrix(odometry.pose.pose.position, odometry.pose.pose.orientation)
+    return drive_data.matrix(odometry.pose.pose.position, odometry.pose.pose.orientation)
 
 
 def foreign_transform(stamp):
@@ -140,7 +129,8 @@ class Frames(NodeRunner):
             if message.header.stamp not in corrected:
                 continue
             found = buffer.lookup_transform_core("map", message.child_frame_id, message.header.stamp).transform
-            np.testing.assert_allclose(matrix(found.translation, found.rotation), pose_of(message), atol=tolerance)
+            np.testing.assert_allclose(drive_data.matrix(found.translation, found.rotation), pose_of(message),
+                                       atol=tolerance)
             checked += 1
         self.assertGreater(checked, 30)
 
@@ -167,17 +157,21 @@ class Frames(NodeRunner):
         self.assertEqual({"odom": "map", "imu_link": "odom", drive_data.LEFT: "imu_link"}, self.tree())
         self.check_chain()
 
+    def check_tree_with_base(self):
+        """One chain over base_link, whoever publishes odom -> base_link, and poses of that."""
+        time.sleep(0.5)
+        self.assertEqual({"odom": "map", drive_data.BASE: "odom", "imu_link": drive_data.BASE,
+                          drive_data.LEFT: "imu_link"}, self.tree())
+        self.check_chain()
+        self.check_base()
+
     def test_with_a_robot_description(self):
         """odom -> base_link, and poses of that; imu_link keeps its parent."""
         self.describe_robot()
         self.start_node(ros={"base_frame": drive_data.BASE})
         self.drive(0.0, 5.0)
         self.answered(START + 4.7)
-        time.sleep(0.5)
-        self.assertEqual({"odom": "map", drive_data.BASE: "odom", "imu_link": drive_data.BASE,
-                          drive_data.LEFT: "imu_link"}, self.tree())
-        self.check_chain()
-        self.check_base()
+        self.check_tree_with_base()
 
     def test_with_a_robot_description_that_it_was_not_told_of(self):
         """No second parent of imu_link; what to do is said."""
@@ -194,11 +188,7 @@ class Frames(NodeRunner):
         self.start_node(ros={"base_frame": drive_data.BASE, "publish_odom_tf": False})
         self.drive(0.0, 5.0, each=lambda stamp: self.tf.publish(foreign_transform(stamp)))
         self.answered(START + 4.7)
-        time.sleep(0.5)
-        self.assertEqual({"odom": "map", drive_data.BASE: "odom", "imu_link": drive_data.BASE,
-                          drive_data.LEFT: "imu_link"}, self.tree())
-        self.check_chain()
-        self.check_base()
+        self.check_tree_with_base()
         self.assertFalse(self.reckoned)  # its odom is not the other's
 
     def test_foreign_odometry_that_it_was_not_told_of(self):
@@ -255,7 +245,7 @@ class Frames(NodeRunner):
         for message in self.reckoned:
             self.assertEqual(("odom", "imu_link"), (message.header.frame_id, message.child_frame_id))
             found = buffer.lookup_transform_core("odom", "imu_link", message.header.stamp).transform
-            np.testing.assert_allclose(matrix(found.translation, found.rotation), pose_of(message), atol=1e-9)
+            np.testing.assert_allclose(drive_data.matrix(found.translation, found.rotation), pose_of(message), atol=1e-9)
         sigma = [math.sqrt(m.pose.covariance[0]) for m in self.reckoned]
         self.assertTrue(all(a <= b * (1.0 + 1e-9) for a, b in zip(sigma[1:20], sigma[2:21])), sigma)
         later = [t.header.stamp.to_sec() for m in self.dynamic for t in m.transforms if t.header.frame_id == "map"]

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped, TwistWithCovarianceStamped
@@ -155,6 +156,17 @@ def drive(duration=6.0, start=1000.0, gyro_per_frame=1, calibrated=True):
             messages += [("left/camera_info", camera_info(stamp, False)), ("right/camera_info", camera_info(stamp, True))]
         messages.append(("features", features(stamp, time)))
     return messages
+
+
+def matrix(translation, rotation):
+    """4x4 of a translation and a quaternion message."""
+    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
+    m = np.eye(4)
+    m[:3, :3] = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                 [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                 [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
+    m[:3, 3] = translation.x, translation.y, translation.z
+    return m
 
 
 def stamp_of(message):
