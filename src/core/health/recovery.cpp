@@ -16,8 +16,6 @@ constexpr double kFramesOfLag = 2.0;   // by which a front end that repeats itse
 constexpr double kJumpPrecision = 0.1; // of a jump, that it is known to
 constexpr double kLostPosition = 1.0;  // m, standard deviation at least of what is not believed
 constexpr double kLostRotation = 0.1;  // rad
-constexpr double kAnyPosition = 1e3;   // m, where nothing is known
-constexpr double kAnyRotation = 2.0;   // rad
 constexpr double kSampled = 0.5;       // s, from one sample to the next where the twist is measured
 constexpr double kAnyAngle = 1.0;      // rad, standard deviation: may be any, as far as that is linear
 
@@ -124,7 +122,7 @@ void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covar
 }
 
 bool Recovery::relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance) {
-  resetPose(filter, filter.pose().inverse() * pose, independentPose(kAnyPosition, kAnyRotation));
+  resetPose(filter, filter.pose().inverse() * pose, anyPose());
   monitor_.restart();
   const auto told = LinearMeasurement(Vector6d::Zero(), covariance).by(0, Matrix6d::Identity());
   return filter.correct(told) && isValid(filter, true);

@@ -24,9 +24,6 @@ constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
 constexpr double kLeastWidth = 0.5;      // m, of the points beside the line that they are nearest to
 constexpr double kRounding = 1e-12;      // of the largest variance
 
-/// Where the drive is in the map is not known beforehand, so that the landmarks alone tell.
-Matrix6d anyPose() { return independentPose(1e3, 2.0); }
-
 /// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
 Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);

@@ -9,6 +9,8 @@ namespace vi_ekf_slam {
 
 /// 6x6 of independent (position, rotation) errors, with these standard deviations on each axis, m and rad.
 Matrix6d independentPose(double position_sigma, double rotation_sigma);
+/// The same of a pose that is not known at all.
+inline Matrix6d anyPose() { return independentPose(1e3, 2.0); }
 
 /// S^-1 b; not a number where S is not positive definite.
 Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b);
