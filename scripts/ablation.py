@@ -58,7 +58,7 @@ ROWS = (
     Row("points start at their pixels", (), {"studies": {"unbiased_starts": False}}),
     Row("no standstill", (), {"invariant": {"standstill_px": 0.0}}),
     Row("no slip of the tracks", (), {"invariant": {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}}),
-    Row("error of scale as a variable", (), {"invariant": {"scale_sigma": 0.02}}),
+    Row("error of scale as a variable", (), {"calibration": {"scale_sigma": 0.02}}),
     Row("no search for jumps", (), {"studies": {"divergence_jump_m": 0.0}}),
     Row("no recovery", (), {"invariant": {"divergence_window_s": 0.0}}),
     Row("no landmark kept", (), {"map": {"keep": "none"}}),

@@ -1,22 +1,31 @@
 #!/usr/bin/env bash
 # Runs the whole chain without a screen: set up, dataset, bag, launch, picture.
 #
-#   scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]
+#   scripts/demo.sh [DATASET.npz | FOLDER | --images] [OUTPUT_DIR]
 #
-# Without a dataset one is simulated. A truth DATASET_truth_left_camera.txt beside the dataset is used. The output goes
-# to demo_output/NAME unless told otherwise; what is there and still fits is used again.
-# CONFIG=FILE chooses the configuration (default: the launch file's), RATE=N the playback rate (default: 4).
+# Without a dataset one is simulated, with --images one that has pictures. A FOLDER is one that dataset_to_bag.py takes:
+# EuRoC, TUM-VI, KITTI. A truth DATASET_truth_left_camera.txt beside an .npz is used. The output goes to demo_output/NAME
+# unless told otherwise; what is there and still fits is used again.
+# CONFIG=FILE chooses the configuration (default: the launch file's), RATE=N the playback rate (default: 4, pictures 1).
 
 set -euo pipefail
 # shellcheck source=scripts/environment.sh
 source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 
-[ "$#" -le 2 ] || fail "usage: scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]"
-case "${1:-}" in -*) fail "usage: scripts/demo.sh [DATASET.npz] [OUTPUT_DIR]" ;; esac
-dataset="${1:-}"
-[ -z "$dataset" ] || [ -f "$dataset" ] || fail "$dataset: no such file"
-name=simulated
-[ -z "$dataset" ] || name="$(basename "$dataset" .npz)"
+usage="usage: scripts/demo.sh [DATASET.npz | FOLDER | --images] [OUTPUT_DIR]"
+[ "$#" -le 2 ] || fail "$usage"
+images=""
+case "${1:-}" in
+  --images)
+    images=yes
+    dataset=""
+    ;;
+  -*) fail "$usage" ;;
+  *) dataset="${1:-}" ;;
+esac
+[ -z "$dataset" ] || [ -e "$dataset" ] || fail "$dataset: no such file or folder"
+name="simulated${images:+_images}"
+[ -z "$dataset" ] || name="$(basename "$(realpath "$dataset")" .npz)"
 output="${2:-$root/demo_output/$name}"
 
 "$root/scripts/setup.sh"
@@ -24,11 +33,28 @@ source_unset "$build/devel/setup.bash"
 mkdir -p "$output"
 output="$(cd "$output" && pwd)"
 
-# is_current FILE KEY: whether FILE was made from what KEY stands for.
-is_current() { [ -f "$1" ] && [ "$(cat "$1.key" 2>/dev/null)" = "$2" ]; }
-content() { cat "$@" | sha256sum | cut -d' ' -f1; }
+# is_current PATH KEY: whether PATH was made from what KEY stands for.
+is_current() { [ -e "$1" ] && [ "$(cat "$1.key" 2>/dev/null)" = "$2" ]; }
+# Of files their bytes; of what is in a folder names, sizes and times, since pictures are many.
+content() {
+  local path
+  for path in "$@"; do
+    if [ -d "$path" ]; then find "$path" -type f -printf '%P %s %T@\n' | sort; else cat "$path"; fi
+  done | sha256sum | cut -d' ' -f1
+}
 
-if [ -z "$dataset" ]; then
+if [ -n "$images" ]; then
+  dataset="$output/$name"
+  key="$(content "$root"/src/vi_ekf_slam/simulation/pictures/*.py)"
+  if is_current "$dataset" "$key"; then
+    say "using $dataset again"
+  else
+    say "drawing a drive"
+    rm -rf "$dataset"
+    "$python" "$root/scripts/simulate_dataset.py" "$dataset" --images
+    printf '%s' "$key" >"$dataset.key"
+  fi
+elif [ -z "$dataset" ]; then
   dataset="$output/$name.npz"
   key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation/simulator.py")"
   if is_current "$dataset" "$key"; then
@@ -43,7 +69,8 @@ fi
 truth="${dataset%.npz}_truth_left_camera.txt"
 sources=("$dataset")
 convert=("$python" "$root/scripts/dataset_to_bag.py" "$dataset" "$output/$name.bag")
-if [ -f "$truth" ]; then
+if [ ! -f "$dataset" ] || [ ! -f "$truth" ]; then truth=""; fi
+if [ -n "$truth" ]; then
   sources+=("$truth")
   convert+=(--truth "$truth")
 fi
@@ -83,11 +110,18 @@ trap stop_launch EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 
+default_rate=4
+pictures=()
+if [ -d "$dataset" ]; then
+  default_rate=1
+  pictures=(front_end:=true image_transport:=compressed)
+fi
 run="$output/run"
 log="$output/launch.log"
 rm -rf "$run"
 mkdir -p "$run"
-arguments=("bag:=$output/$name.bag" record:=true "output_dir:=$run" "rate:=${RATE:-4}")
+arguments=("bag:=$output/$name.bag" record:=true "output_dir:=$run" "rate:=${RATE:-$default_rate}")
+arguments+=("${pictures[@]}")
 [ -z "${CONFIG:-}" ] || arguments+=("config:=$(realpath "$CONFIG")")
 say "playing the bag through the node (log: $log)"
 roslaunch -p "$port" vi_ekf_slam slam.launch "${arguments[@]}" >"$log" 2>&1 </dev/null &
@@ -104,8 +138,8 @@ launch=""
 }
 
 picture="$output/$name.png"
-plot=("$python" "$root/scripts/plot_run.py" "$run" --bag "$output/$name.bag" --name "$name" --output "$picture")
-[ ! -f "$truth" ] || plot+=(--truth "$truth")
+plot=("$python" "$root/scripts/plot.py" run "$run" --bag "$output/$name.bag" --name "$name" --output "$picture")
+[ -z "$truth" ] || plot+=(--truth "$truth")
 say "result"
 "${plot[@]}"
 # What rviz shows of it. All that is missing without rviz or a virtual screen is this picture.

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds and runs all tests: gtests, rostests, Python tests. The last line counts them: N passed, N failed, N skipped.
-# Exits with 1 when a test failed or none ran. TEST_TIMEOUT=S limits the gtests and rostests (default: 1800 s in all).
+# Exits with 1 when a test failed or none ran. TEST_TIMEOUT=S limits the gtests, and the rostests (default: 1800 s each).
 
 set -euo pipefail
 exec </dev/null
@@ -19,27 +19,40 @@ source_unset "$build/devel/setup.bash"
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# Beside the tests with a master, and with less right to the cores, since those have times to keep. In two, so that no
-# core waits for the other at the end.
-say "running the Python tests in the background"
+# Rostests mostly wait, so that all the others run beside them, with less right to the cores, since those have times to
+# keep; in three, so that no core waits for another at the end.
+names=() jobs=()
+in_background() {
+  nice "${@:2}" >"$build/$1.log" 2>&1 &
+  names+=("$1")
+  jobs+=($!)
+}
 python_tests() {
-  nice "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml" >"$build/$1.log" 2>&1
+  in_background "$1" "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml"
+}
+limited=(timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" -j1 --target)
+# A failed test leaves its result; what ended the run itself would leave none.
+note_failure() {
+  status=1
+  case "$1" in
+    python | studies) ;;
+    *) printf '<testsuite><testcase classname="%s" name="ends"><failure>ended early or out of time</failure></testcase></testsuite>\n' \
+      "$1" >"$results/$1.xml" ;;
+  esac
 }
 studies="$root/test/python/studies"
-python_tests studies "$studies" &
-jobs=($!)
-python_tests python "$root/test/python" --ignore="$studies" &
-jobs+=($!)
-say "running gtests and rostests"
-if ! timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target run_tests -j1; then
-  status=1  # a failed test leaves its result; what ended the run itself would leave none
-  cat >"$results/run_tests.xml" <<'EOF'
-<testsuite><testcase classname="run_tests" name="ends"><failure>ended early or out of time</failure></testcase></testsuite>
-EOF
-fi
-for job in "${jobs[@]}"; do wait "$job" || status=1; done
-say "Python tests"
-cat "$build/python.log" "$build/studies.log"
+say "running the gtests and the Python tests in the background"
+python_tests studies "$studies"
+python_tests python "$root/test/python" --ignore="$studies"
+in_background gtests "${limited[@]}" run_tests_vi_ekf_slam_gtest
+say "running the rostests"
+"${limited[@]}" run_tests_vi_ekf_slam_rostest || note_failure rostests
+"${limited[@]}" run_tests_vi_ekf_slam_roslaunch-check || note_failure roslaunch_check
+for i in "${!jobs[@]}"; do
+  wait "${jobs[$i]}" || note_failure "${names[$i]}"
+  say "${names[$i]}"
+  cat "$build/${names[$i]}.log"
+done
 
 "$python" "$root/scripts/count_test_results.py" "$results" || status=1
 exit "$status"

@@ -66,7 +66,7 @@ class Run {
     system_.setRig(simulation::makeView(options).rig);
     system_.onFrame([](const Output& output) { benchmark::DoNotOptimize(output.state.twist[0]); });
     if (odometry)
-      system_.onGyro([](const Output& output) { benchmark::DoNotOptimize(output.state.twist[0]); });
+      system_.onImu([](const Output& output) { benchmark::DoNotOptimize(output.state.twist[0]); });
   }
 
   /// To the next frame; s that it took.

@@ -63,7 +63,7 @@ class RestingScene {
 
   const FrameUpdate::Options options;
   ConstantTwist motion{ConstantTwist::Options()};
-  const StereoModel model{{{700.0, 700.0, 600.0, 180.0, 0.54}, SE3()}, StereoModel::Options(), std::nullopt};
+  const StereoModel model{{{700.0, 700.0, 600.0, 180.0, 0.54}, SE3()}, StereoModel::Options()};
   const FrameUpdate update{options, model, motion};
   Filter filter;
   LandmarkMap map;

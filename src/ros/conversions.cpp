@@ -70,12 +70,21 @@ ros::Time toTime(Stamp stamp) {
   return time.fromNSec(static_cast<std::uint64_t>(stamp));
 }
 
-Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string& imu_frame) {
+Converted<ImuSample> toImu(const sensor_msgs::Imu& message, const std::string& imu_frame) {
   if (const auto bad = checkHeader(message.header, imu_frame); bad != Rejection::kNone) return {{}, bad};
   if (message.angular_velocity_covariance[0] == -1.0) return {{}, Rejection::kNoData};
-  const GyroSample sample{toStamp(message.header.stamp), toEigen(message.angular_velocity),
-                          covarianceBlock(message.angular_velocity_covariance, 3)};
+  ImuSample sample;
+  sample.stamp = toStamp(message.header.stamp);
+  sample.angular_velocity = toEigen(message.angular_velocity);
+  sample.covariance = covarianceBlock(message.angular_velocity_covariance, 3);
   if (!isFinite(sample.angular_velocity, sample.covariance)) return {{}, Rejection::kNotFinite};
+  const Eigen::Vector3d acceleration = toEigen(message.linear_acceleration);
+  // Drivers of gyros alone leave it zero, which an accelerometer never reads.
+  if (message.linear_acceleration_covariance[0] != -1.0 && !(acceleration.array() == 0.0).all()) {
+    sample.acceleration = acceleration;
+    sample.acceleration_covariance = covarianceBlock(message.linear_acceleration_covariance, 3);
+    if (!isFinite(*sample.acceleration, sample.acceleration_covariance)) return {{}, Rejection::kNotFinite};
+  }
   return {sample, Rejection::kNone};
 }
 
@@ -118,10 +127,33 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
   std::unordered_set<FeatureId> seen(message.features.size());
   for (const StereoFeature& f : message.features) {
     if (!seen.insert(f.id).second) continue;
-    frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right)});
+    frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right), f.sigma});
+    Descriptor descriptor;
+    if (f.descriptor.size() != descriptor.size()) continue; // another front end's of another kind
+    std::copy(f.descriptor.begin(), f.descriptor.end(), descriptor.begin());
+    frame.features.back().descriptor = descriptor;
   }
   const std::size_t repeated = message.features.size() - frame.features.size();
   return {std::move(frame), Rejection::kNone, repeated};
+}
+
+StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_frame) {
+  StereoFeatureArray message;
+  message.header.stamp = toTime(frame.stamp);
+  message.header.frame_id = left_frame;
+  message.features.reserve(frame.features.size());
+  for (const StereoFeatureObservation& f : frame.features) {
+    StereoFeature feature;
+    feature.id = f.id;
+    feature.u_left = f.pixels[0];
+    feature.v_left = f.pixels[1];
+    feature.u_right = f.pixels[2];
+    feature.v_right = f.pixels[3];
+    feature.sigma = static_cast<float>(f.sigma);
+    if (f.descriptor) feature.descriptor.assign(f.descriptor->begin(), f.descriptor->end());
+    message.features.push_back(std::move(feature));
+  }
+  return message;
 }
 
 geometry_msgs::Pose toPose(const SE3& pose) {

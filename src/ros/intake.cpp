@@ -15,9 +15,6 @@ namespace {
 
 constexpr std::size_t index(Stream stream) { return static_cast<std::size_t>(stream); }
 
-constexpr std::size_t kMostReports =
-    20; // frames; what writes another name each time is not to fill the memory
-
 /// Wheel odometry often gives a variance for the way ahead alone, and zeros for the other axes.
 void fillUnsaidAxes(Eigen::Matrix3d& covariance, double sigma) {
   for (Eigen::Index i = 0; i < 3; ++i) {
@@ -43,15 +40,25 @@ std::uint64_t Intake::received() const {
   return std::accumulate(counts_.received.begin(), counts_.received.end(), std::uint64_t{0});
 }
 
+/// An IMU with accelerometers does without a velocity, and a camera without either.
+bool Intake::isRequired(Stream stream) const {
+  if (stream == Stream::kStereo) return system_.needsRig();
+  const auto came = [this](Stream s) { return counts_.received[index(s)] > 0; };
+  const bool is_twist = system_.motion() != MotionChoice::kInertial;
+  const bool is_camera_alone =
+      is_twist && came(Stream::kStereo) && !came(Stream::kImu) && !came(Stream::kVelocity);
+  return !is_camera_alone && (is_twist || stream == Stream::kImu);
+}
+
 std::string Intake::missingInputs() const {
   std::string missing;
-  const auto require = [&](Stream stream, const std::string& topic) {
-    if (counts_.received[index(stream)] == 0 && !topic.empty())
+  const auto look = [&](Stream stream, const std::string& topic) {
+    if (isRequired(stream) && counts_.received[index(stream)] == 0 && !topic.empty())
       missing += (missing.empty() ? "" : ", ") + topic;
   };
-  require(Stream::kGyro, topics_.imu);
-  require(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
-  if (system_.needsRig()) require(Stream::kStereo, topics_.features);
+  look(Stream::kImu, topics_.imu);
+  look(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
+  look(Stream::kStereo, topics_.features);
   return missing;
 }
 
@@ -76,11 +83,6 @@ void Intake::offerRig() {
   if (!system_.hasRig() && rig_.rig()) system_.setRig(*rig_.rig());
 }
 
-void Intake::report(const std::string& frame, const std::string& problem) {
-  if (reported_frames_.size() >= kMostReports || !reported_frames_.insert(frame).second) return;
-  if (problem_handler_) problem_handler_(problem);
-}
-
 void Intake::hand(Arrival arrival) {
   waiting_.push_back(std::move(arrival));
   release(false);
@@ -103,7 +105,7 @@ void Intake::release(bool at_once) {
       const bool is_hopeless = velocities_.isImpossible(first.frame);
       if (may_wait_ && !at_once && !is_hopeless && !hasWaited(first)) return;
       may_wait_ = may_wait_ && is_hopeless;
-      report("velocity: " + first.frame, velocities_.problem(first.frame));
+      problems_.report("velocity: " + first.frame, velocities_.problem(first.frame));
       turnAway("velocity: no transform from its frame to the IMU's", 1);
     }
     Arrival arrival = std::move(waiting_.front());
@@ -115,15 +117,15 @@ void Intake::release(bool at_once) {
 void Intake::flush() { release(true); }
 
 void Intake::add(const sensor_msgs::Imu& message) {
-  ++counts_.received[index(Stream::kGyro)];
-  auto converted = conversions::toGyro(message, imu_frame_);
+  ++counts_.received[index(Stream::kImu)];
+  auto converted = conversions::toImu(message, imu_frame_);
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
-      report("imu: " + message.header.frame_id,
-             "imu messages in '" + message.header.frame_id + "' are not used: " +
-                 (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
-                                     : "the IMU's frame is '" + imu_frame_ +
-                                           "', which ros/imu_frame or the first imu message said"));
+      problems_.report("imu: " + message.header.frame_id,
+                       "imu messages in '" + message.header.frame_id + "' are not used: " +
+                           (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
+                                               : "the IMU's frame is '" + imu_frame_ +
+                                                     "', which ros/imu_frame or the first imu message said"));
     return turnAway("imu", converted.rejection);
   }
   learnImuFrame(message.header.frame_id); // of the first one that can be used
@@ -154,9 +156,14 @@ void Intake::addTwistBias(const geometry_msgs::TwistWithCovarianceStamped& messa
 
 void Intake::add(const StereoFeatureArray& message) {
   ++counts_.received[index(Stream::kStereo)];
+  // Where no IMU is wanted what moves is the left camera.
+  if (imu_frame_.empty() && topics_.imu.empty()) learnImuFrame(message.header.frame_id);
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) return turnAway("features", converted.rejection);
   turnAway("features: repeated id", converted.repeated_ids);
+  const std::string problem =
+      stereo_check_.note(*converted.sample, system_.config().invariant.stereo.pixel_sigma);
+  if (!problem.empty()) problems_.report("features", problem);
   const ScreenCounts screened = screenFeatures(*converted.sample, rig_.imageSize(), max_features_);
   turnAway("features: pixel not finite", screened.not_finite);
   turnAway("features: pixel outside the image", screened.outside);

@@ -9,7 +9,9 @@
 #include <filesystem>
 #include <limits>
 #include <optional>
+#include <unordered_map>
 
+#include "vi_ekf_slam/MapDescriptors.h"
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
@@ -20,7 +22,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr char kStateTopic[] = "map", kLandmarksTopic[] = "landmarks";
+constexpr char kStateTopic[] = "map", kLandmarksTopic[] = "landmarks", kDescriptorsTopic[] = "descriptors";
 constexpr double kNorm = 1e-6; // of a quaternion's norm from 1
 // Of MapState as it was in format 1: pose, twist and its bias, in 18 rows.
 constexpr char kFormat1[] = "b8c6e3bae06010c0888cce2f96b7df60";
@@ -75,6 +77,16 @@ void write(rosbag::Bag& bag, const SavedMap& map, const std::string& map_frame) 
     // A bag is read in the order of its times.
     bag.write(kLandmarksTopic, conversions::toTime(map.stamp + 1 + static_cast<Stamp>(i)), message);
   }
+  for (const SavedLandmark& landmark : map.landmarks) {
+    if (landmark.descriptors.isEmpty()) continue;
+    MapDescriptors look;
+    look.id = landmark.id;
+    for (std::size_t i = 0; i < landmark.descriptors.size(); ++i) {
+      const Descriptor& d = landmark.descriptors[i];
+      look.descriptors.insert(look.descriptors.end(), d.begin(), d.end());
+    }
+    bag.write(kDescriptorsTopic, state.header.stamp, look);
+  }
 }
 
 /// Reads a map message by message.
@@ -123,6 +135,29 @@ class Reader {
         {message.id, {message.position.x, message.position.y, message.position.z}, message.observations});
   }
 
+  void read(const MapDescriptors& message) {
+    if (index_.empty()) {
+      for (std::size_t i = 0; i < map_.landmarks.size(); ++i) index_.emplace(map_.landmarks[i].id, i);
+    }
+    const auto landmark = index_.find(message.id);
+    if (landmark == index_.end())
+      refuse(path_, "descriptors.id", std::to_string(message.id), "the id of a landmark");
+    DescriptorSet& looks = map_.landmarks[landmark->second].descriptors;
+    const std::string field = "descriptors of landmark " + std::to_string(message.id);
+    if (!looks.isEmpty()) refuse(path_, field, "there twice", "once");
+    Descriptor descriptor;
+    const std::size_t bytes = message.descriptors.size(), each = descriptor.size();
+    if (bytes == 0 || bytes % each != 0 || bytes > DescriptorSet::kMost * each) {
+      refuse(path_, field, std::to_string(bytes) + " bytes",
+             "1 to " + std::to_string(DescriptorSet::kMost) + " times " + std::to_string(each) + " bytes");
+    }
+    for (auto from = message.descriptors.begin(); from != message.descriptors.end();
+         from += static_cast<std::ptrdiff_t>(each)) {
+      std::copy_n(from, each, descriptor.begin());
+      looks.add(descriptor);
+    }
+  }
+
   SavedMap finish() {
     if (map_.landmarks.size() != announced_) {
       refuse(path_, "landmarks", std::to_string(map_.landmarks.size()) + " messages",
@@ -141,6 +176,7 @@ class Reader {
   std::string path_;
   std::uint64_t bytes_;
   std::size_t announced_ = 0;
+  std::unordered_map<FeatureId, std::size_t> index_; ///< where a landmark is, by its id
   SavedMap map_;
 };
 
@@ -172,6 +208,7 @@ SavedMap read(const std::string& path) {
   };
   readAll(kStateTopic, MapState());
   readAll(kLandmarksTopic, MapLandmark());
+  readAll(kDescriptorsTopic, MapDescriptors());
   return reader.finish();
 }
 

@@ -25,6 +25,8 @@ RosConfig readRos(YamlSection section) {
   section.read("publish_odom_tf", c.publish_odom_tf);
   section.read("single_tf", c.single_tf);
   section.read("transform_tolerance", Range::closed(0.0, 10.0), c.transform_tolerance);
+  section.readChoice<OdometryRate>(
+      "odometry_rate", {{"frame", OdometryRate::kFrame}, {"imu", OdometryRate::kImu}}, c.odometry_rate);
   section.read("path_period_s", Range::closed(0.0, 3600.0), c.path_period_s);
   section.read("max_bandwidth_bytes_s", Range::closed(1e3, 1e12), c.max_bandwidth_bytes_s);
   section.read("landmark_period_s", Range::closed(0.0, 3600.0), c.landmark_period_s);
@@ -41,20 +43,37 @@ RosConfig readRos(YamlSection section) {
   return c;
 }
 
+FrontEndConfig readFrontEnd(YamlSection section) {
+  FrontEndConfig c;
+  section.read("features", Range::closed(8.0, 2000.0), c.features);
+  section.readChoice<ImageKind>(
+      "images", {{"auto", ImageKind::kAuto}, {"raw", ImageKind::kRaw}, {"rectified", ImageKind::kRectified}},
+      c.images);
+  section.read("pair_tolerance_s", Range::closed(0.0, 0.5), c.pair_tolerance_s);
+  section.finish();
+  return c;
+}
+
 } // namespace
 
 RosConfig parseRosConfig(const std::string& yaml, const std::string& source) {
   return readRos(YamlSection::root(yaml, source).section(kRosSection));
 }
 
+FrontEndConfig parseFrontEndConfig(const std::string& yaml, const std::string& source) {
+  return readFrontEnd(YamlSection::root(yaml, source).section(kFrontEndSection));
+}
+
 bool isConfigurationKey(const std::string& name) {
-  static const std::set<std::string> keys = {"estimator", "buffer",  "invariant", "map",
-                                             "paper",     "studies", kRosSection};
+  static const std::set<std::string> keys = {"estimator", "motion",      "buffer",        "invariant",
+                                             "inertial",  "calibration", "map",           "paper",
+                                             "studies",   kRosSection,   kFrontEndSection};
   return keys.count(name) > 0;
 }
 
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
-  return {parseConfig(yaml, source, {kRosSection}), parseRosConfig(yaml, source)};
+  return {parseConfig(yaml, source, {kRosSection, kFrontEndSection}), parseRosConfig(yaml, source),
+          parseFrontEndConfig(yaml, source)};
 }
 
 FullConfig loadFullConfig(const std::string& path) { return parseFullConfig(readYamlFile(path), path); }

@@ -40,6 +40,15 @@ PoseNees poseNees(const SE3& truth, const StateEstimate& estimate) {
           nees<3>(xi.head<3>(), P.topLeftCorner<3, 3>())};
 }
 
+double tiltNees(const SE3& truth, const StateEstimate& estimate) {
+  return nees<2>(invariantError(truth, estimate.world_T_imu).segment<2>(3),
+                 estimate.pose_covariance.block<2, 2>(3, 3));
+}
+
+double velocityNees(const Eigen::Vector3d& truth, const StateEstimate& estimate) {
+  return nees<3>(truth - estimate.twist.head<3>(), estimate.twist_covariance.topLeftCorner<3, 3>());
+}
+
 std::pair<double, double> chiSquareMeanBounds(double dof, double runs) {
   constexpr double kNormal975 = 1.959963984540054;
   const double variance = 2.0 / (9.0 * dof * runs);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
@@ -12,6 +13,8 @@ namespace {
 using O = DriveOptions;
 
 constexpr double kLeastRate = 0.5; // Hz
+constexpr MotionModel kMotions[] = {MotionModel::kCarDrive, MotionModel::kProcessModel,
+                                    MotionModel::kHandheld, MotionModel::kInertialCar};
 
 std::string number(double value) {
   std::ostringstream out;
@@ -22,7 +25,7 @@ std::string number(double value) {
 
 std::string allowed(const DriveOptionField& field) {
   if (std::holds_alternative<bool O::*>(field.member)) return "true or false";
-  if (std::holds_alternative<MotionModel O::*>(field.member)) return "car or process";
+  if (std::holds_alternative<MotionModel O::*>(field.member)) return "car, process, handheld or inertial-car";
   if (std::holds_alternative<std::uint64_t O::*>(field.member))
     return "a whole number from 0 to 18446744073709551615";
   const bool whole = std::holds_alternative<int O::*>(field.member);
@@ -61,10 +64,26 @@ void require(bool condition, const std::string& what) {
 
 } // namespace
 
+const char* nameOf(MotionModel motion) {
+  switch (motion) {
+    case MotionModel::kCarDrive:
+      return "car";
+    case MotionModel::kProcessModel:
+      return "process";
+    case MotionModel::kHandheld:
+      return "handheld";
+    case MotionModel::kInertialCar:
+      return "inertial-car";
+  }
+  return "";
+}
+
 const std::vector<DriveOptionField>& driveOptionFields() {
   static const std::vector<DriveOptionField> fields = {
       {"seed", &O::seed, 0, 0, "", "same seed and options, same drive"},
-      {"motion", &O::motion, 0, 0, "", "car: laps round a block; process: the twist is a random walk"},
+      {"motion", &O::motion, 0, 0, "",
+       "car: laps round a block; process: the twist is a random walk; handheld: a body shaken in a room, and "
+       "inertial-car: the car, both with accelerations and a raw IMU"},
       {"duration", &O::duration, 0, 1e7, "s", "length of the drive; 0: laps decide"},
       {"laps", &O::laps, 0.01, 1e6, "", "laps of the block when duration is 0"},
       {"block-length", &O::block_length, 40, 2000, "m", "longer side of the lap"},
@@ -75,7 +94,8 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"corner-stop", &O::corner_stop, 0, 1e4, "s", "at rest before the first corner"},
       {"start-time", &O::start_time, 0, 4e9, "s", "first stamp, since the epoch"},
       {"frame-rate", &O::frame_rate, kLeastRate, 200, "Hz", "stereo frames"},
-      {"imu-rate", &O::imu_rate, 0, 2000, "Hz", "gyro and velocity; 0: the same as frame-rate"},
+      {"imu-rate", &O::imu_rate, 0, 2000, "Hz",
+       "gyro and velocity; 0: the same as frame-rate, 200 of a raw IMU"},
       {"velocity-sigma", &O::velocity_sigma, 0, 10, "m/s", "white noise per sample and axis"},
       {"gyro-sigma", &O::gyro_sigma, 0, 1, "rad/s", "white noise per sample and axis"},
       {"gyro-bias-min", &O::gyro_bias_min, 0, 1, "rad/s", "least magnitude of an axis' constant bias"},
@@ -102,6 +122,11 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"strength-spread", &O::strength_spread, 0, 10, "",
        "sigma of the points' log strength; 3: mostly the same are detected"},
       {"ids-return", &O::ids_return, 0, 1, "", "whether a landmark seen again has its old id"},
+      {"descriptors", &O::descriptors, 0, 1, "",
+       "whether features come with descriptors of what they look like"},
+      {"alike-share", &O::alike_share, 0, 1, "", "landmarks that look like one of twenty kinds"},
+      {"alike-streets", &O::alike_streets, 0, 1, "",
+       "whether the long streets are the same every 40 m, points and looks"},
       {"min-depth", &O::min_depth, 0.5, 100, "m", "nearest landmark used"},
       {"max-depth", &O::max_depth, 5, 1000, "m", "farthest landmark used"},
       {"twist-decay", &O::twist_decay, 0, 1e6, "s", "process model: time constant back to speed; 0: none"},
@@ -109,6 +134,19 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"noise-lateral", &O::noise_lateral, 0, 10, "m/s^1.5", "process model: acceleration along y"},
       {"noise-vertical", &O::noise_vertical, 0, 10, "m/s^1.5", "process model: acceleration along z"},
       {"noise-rotation", &O::noise_rotation, 0, 10, "rad/s^1.5", "process model: angular acceleration"},
+      {"peak-rate", &O::peak_rate, 0.1, 20, "rad/s", "handheld: largest angular rate"},
+      {"peak-acceleration", &O::peak_acceleration, 0.1, 100, "m/s^2", "handheld: largest acceleration"},
+      {"gyro-density", &O::gyro_density, 0, 0.1, "rad/s/Hz^0.5", "raw IMU: white noise of the gyro"},
+      {"accelerometer-density", &O::accelerometer_density, 0, 1, "m/s^2/Hz^0.5",
+       "raw IMU: white noise of the accelerometer"},
+      {"gyro-walk", &O::gyro_walk, 0, 0.1, "rad/s^2/Hz^0.5", "raw IMU: random walk of the gyro's bias"},
+      {"accelerometer-walk", &O::accelerometer_walk, 0, 1, "m/s^3/Hz^0.5",
+       "raw IMU: random walk of the accelerometer's bias"},
+      {"accelerometer-bias-sigma", &O::accelerometer_bias_sigma, 0, 5, "m/s^2",
+       "raw IMU: first bias of the accelerometer, per axis"},
+      {"frame-offset", &O::frame_offset, 0, 0.99, "",
+       "raw IMU: from a sample to the first frame, in its periods"},
+      {"velocity-samples", &O::velocity_samples, 0, 1, "", "raw IMU: whether velocities come with it"},
   };
   return fields;
 }
@@ -128,8 +166,10 @@ void setDriveOption(DriveOptions& options, const std::string& name, const std::s
       if (text != "true" && text != "false") refuse(field, text);
       options.*(*b) = text == "true";
     } else {
-      if (text != "car" && text != "process") refuse(field, text);
-      options.motion = text == "car" ? MotionModel::kCarDrive : MotionModel::kProcessModel;
+      const auto named = [&text](MotionModel motion) { return text == nameOf(motion); };
+      const auto* motion = std::find_if(std::begin(kMotions), std::end(kMotions), named);
+      if (motion == std::end(kMotions)) refuse(field, text);
+      options.motion = *motion;
     }
     return;
   }
@@ -141,7 +181,7 @@ std::string driveOptionText(const DriveOptions& options, const DriveOptionField&
   if (const auto* i = std::get_if<int O::*>(&field.member)) return std::to_string(options.*(*i));
   if (const auto* s = std::get_if<std::uint64_t O::*>(&field.member)) return std::to_string(options.*(*s));
   if (const auto* b = std::get_if<bool O::*>(&field.member)) return options.*(*b) ? "true" : "false";
-  return options.motion == MotionModel::kCarDrive ? "car" : "process";
+  return nameOf(options.motion);
 }
 
 void checkDriveOptions(const DriveOptions& options) {
@@ -160,9 +200,10 @@ void checkDriveOptions(const DriveOptions& options) {
   require(options.min_depth < options.max_depth, "option 'min-depth' is '" + number(options.min_depth) +
                                                      "', allowed: below max-depth, " +
                                                      number(options.max_depth) + " m");
-  if (options.motion == MotionModel::kCarDrive) return;
-  require(options.duration > 0.0,
-          "option 'duration' is '0', allowed: above 0 s when motion is process, which has no laps");
+  if (options.motion == MotionModel::kCarDrive || options.motion == MotionModel::kInertialCar) return;
+  require(options.duration > 0.0, "option 'duration' is '0', allowed: above 0 s when motion is " +
+                                      std::string(nameOf(options.motion)) + ", which has no laps");
+  if (options.motion == MotionModel::kHandheld) return;
   require(
       !options.ids_return,
       "option 'ids-return' is 'true', allowed: false when motion is process, whose landmarks do not return");

@@ -3,7 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 #include <utility>
+
+#include "vi_ekf_slam/simulation/inertial/handheld.hpp"
+#include "vi_ekf_slam/simulation/inertial/smooth_car.hpp"
+#include "vi_ekf_slam/simulation/inertial/trajectory.hpp"
 
 namespace vi_ekf_slam::simulation {
 namespace {
@@ -14,13 +19,24 @@ DriveOptions checked(const DriveOptions& options) {
 }
 
 std::unique_ptr<Motion> makeMotion(const DriveOptions& options) {
-  if (options.motion == MotionModel::kCarDrive) return std::make_unique<CarMotion>(options);
-  return std::make_unique<ProcessMotion>(options);
+  switch (options.motion) {
+    case MotionModel::kCarDrive:
+      return std::make_unique<CarMotion>(options);
+    case MotionModel::kProcessModel:
+      return std::make_unique<ProcessMotion>(options);
+    case MotionModel::kHandheld:
+      return std::make_unique<TrajectoryMotion>(std::make_unique<HandheldTrajectory>(options));
+    case MotionModel::kInertialCar:
+      return std::make_unique<TrajectoryMotion>(std::make_unique<SmoothCarTrajectory>(options));
+  }
+  throw std::invalid_argument("motion is none of the enumeration");
 }
 
 std::unique_ptr<Scene> makeScene(const DriveOptions& options, const View& view) {
-  if (options.motion == MotionModel::kCarDrive) return std::make_unique<StreetScene>(options, view);
-  return std::make_unique<OpenScene>(options, view);
+  if (options.motion == MotionModel::kProcessModel) return std::make_unique<OpenScene>(options, view);
+  if (options.motion == MotionModel::kHandheld)
+    return std::make_unique<RoomScene>(options, view, HandheldTrajectory(options).extent());
+  return std::make_unique<StreetScene>(options, view);
 }
 
 /// Of a sample; nothing when it is exact, since a covariance must be positive definite.
@@ -45,6 +61,7 @@ DriveSimulator::DriveSimulator(const DriveOptions& options)
       imu_random_(options.seed, RandomStream::kImu),
       now_(stampOf(0, options.frame_rate)) {
   drawBiases();
+  if (options_.hasRawImu()) raw_imu_.emplace(options_, gyro_bias_);
 }
 
 void DriveSimulator::drawBiases() {
@@ -57,13 +74,18 @@ void DriveSimulator::drawBiases() {
   velocity_bias_ = options_.velocity_bias_sigma * random.normal3();
 }
 
-/// Of number `index` of what comes at `rate` Hz.
-Stamp DriveSimulator::stampOf(std::size_t index, double rate) const {
-  const double since_start = static_cast<double>(index) / rate;
+/// Of number `index` of what comes at `rate` Hz, `offset` s after the start.
+Stamp DriveSimulator::stampOf(std::size_t index, double rate, double offset) const {
+  const double since_start = static_cast<double>(index) / rate + offset;
   // Whole seconds apart from the rest: their product with 1e9 would not fit a double's 53 bits.
   const double whole = std::floor(options_.start_time);
   const Stamp start = fromSeconds(1.0) * static_cast<Stamp>(whole) + fromSeconds(options_.start_time - whole);
   return start + fromSeconds(since_start);
+}
+
+Stamp DriveSimulator::frameStamp(std::size_t index) const {
+  const double offset = options_.hasRawImu() ? options_.frame_offset / options_.imuRate() : 0.0;
+  return stampOf(index, options_.frame_rate, offset);
 }
 
 double DriveSimulator::progress() const {
@@ -77,19 +99,33 @@ std::optional<DriveStep> DriveSimulator::next() {
   if (progress() >= 1.0) return std::nullopt;
   DriveStep step;
   step.index = index_++;
-  step.stamp = now_;
+  step.stamp = frameStamp(step.index);
+  takeSamplesBefore(step.stamp, step);
+  moveTo(step.stamp);
   step.world_T_imu = motion_->world_T_imu();
+  step.state = state();
   FrontEnd::Result seen = front_end_.process(step.stamp, step.world_T_imu, traffic_.objects());
   step.frame = std::move(seen.frame);
   step.truth = std::move(seen.truth);
   step.stale = seen.stale;
-  const Stamp next_frame = stampOf(index_, options_.frame_rate);
-  for (Stamp sample; (sample = stampOf(samples_, options_.imuRate())) < next_frame;) {
+  const Stamp next_frame = frameStamp(index_);
+  takeSamplesBefore(next_frame, step);
+  moveTo(next_frame);
+  return step;
+}
+
+void DriveSimulator::takeSamplesBefore(Stamp stamp, DriveStep& step) {
+  for (Stamp sample; (sample = stampOf(samples_, options_.imuRate())) < stamp;) {
     moveTo(sample);
     takeSample(step);
   }
-  moveTo(next_frame);
-  return step;
+}
+
+std::optional<TrueState> DriveSimulator::state() const {
+  const std::optional<Kinematics> body = motion_->kinematics();
+  if (!body || !raw_imu_) return std::nullopt;
+  return TrueState{now_, body->world_T_imu, body->velocity, raw_imu_->gyroBias(),
+                   raw_imu_->accelerometerBias()};
 }
 
 void DriveSimulator::moveTo(Stamp stamp) {
@@ -104,6 +140,14 @@ void DriveSimulator::takeSample(DriveStep& step) {
   ++samples_;
   twist_ = motion_->begin(secondsBetween(now_, stampOf(samples_, options_.imuRate())));
   step.true_twist.push_back({now_, twist_});
+  if (raw_imu_) {
+    step.gyro.push_back(raw_imu_->measure(now_, *motion_->kinematics()));
+    if (!options_.velocity_samples) return;
+    const Eigen::Vector3d velocity =
+        twist_.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
+    step.velocity.push_back({now_, velocity, covarianceOf(options_.velocity_sigma)});
+    return;
+  }
   const Eigen::Vector3d gyro = twist_.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
   const Eigen::Vector3d velocity =
       twist_.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
@@ -133,7 +177,7 @@ std::vector<Measurement> measurementsOf(const DriveStep& step) {
   const auto takeUntil = [&](Stamp last) {
     for (; j < step.gyro.size() && step.gyro[j].stamp <= last; ++j) {
       measurements.emplace_back(step.gyro[j]);
-      measurements.emplace_back(step.velocity[j]);
+      if (j < step.velocity.size()) measurements.emplace_back(step.velocity[j]);
     }
   };
   takeUntil(step.stamp);

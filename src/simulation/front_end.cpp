@@ -11,6 +11,8 @@ constexpr double kStaleSlot = 0.1;  // s, in which stale_fraction counts
 constexpr double kFirstDrift = 0.1; // s for which a drifting track has drifted when it is new
 constexpr double kLn2 = 0.6931471805599453;
 constexpr double kLeastRefill = 0.7; // of features_max
+// Above the numbers of any scene's points.
+constexpr std::uint64_t kStaleLooks = std::uint64_t{1} << 40, kCarLooks = std::uint64_t{1} << 41;
 
 } // namespace
 
@@ -19,6 +21,7 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
       view_(view),
       scene_(scene),
       drift_(options),
+      appearance_(options),
       noise_random_(options.seed, RandomStream::kPixelNoise),
       track_random_(options.seed, RandomStream::kTracks),
       stale_random_(options.seed, RandomStream::kStaleFrames),
@@ -50,6 +53,10 @@ FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
   result.stale = stale;
   for (const Track& track : tracks_) {
     result.frame.features.push_back({track.id, track.pixels});
+    if (options_.descriptors) {
+      result.frame.features.back().descriptor =
+          appearance_.describe(track.look, track.truth.world - world_T_cam.translation());
+    }
     result.truth.push_back(track.truth);
   }
   return result;
@@ -117,6 +124,7 @@ bool FrontEnd::goAstray(Track& track, const SE3& world_T_cam) {
   track.truth.point = next_point_++;
   track.truth.world = world_T_cam * *p_cam;
   track.first_drift_inverse = drift_.slide().inverse();
+  track.look = kStaleLooks + track.truth.point;
   track.truth.kind = ObservationKind::kStale;
   track.scene_index.reset();
   track.car.reset();
@@ -138,6 +146,7 @@ void FrontEnd::detect(const SE3& world_T_cam, const std::vector<MovingObject>& o
       track.truth.kind = ObservationKind::kMoving;
       track.truth.world = object.position + object.points[i];
       track.car = car;
+      track.look = kCarLooks + 256 * object.id + i;
       if (!tracked && tracks_.size() < target) start(track, cam_T_world);
     }
   }
@@ -160,6 +169,7 @@ void FrontEnd::detect(const SE3& world_T_cam, const std::vector<MovingObject>& o
     Track track;
     track.truth.world = point.world;
     track.scene_index = point.index;
+    track.look = point.look;
     if (track_random_.uniform() < options_.outlier_fraction) makeOutlier(track);
     start(track, cam_T_world);
   }

@@ -5,19 +5,26 @@
 #include <cmath>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
+#include "vi_ekf_slam/simulation/inertial/inertial_seed.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"
 
 namespace vi_ekf_slam::simulation {
+
 namespace {
 
-FrameErrors errorsOf(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
-                     const FrameReport& report) {
+constexpr double kFartherOff = 1.0; // m, that a place taken for another one leaves the vehicle farther off
+
+} // namespace
+
+FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
+                        const FrameReport& report) {
   FrameErrors errors;
   errors.time = time;
   errors.nees = poseNees(truth, state);
@@ -30,8 +37,6 @@ FrameErrors errorsOf(double time, const SE3& truth, const StateEstimate& state, 
   return errors;
 }
 
-} // namespace
-
 std::size_t checkPointFrame(double share, std::size_t frames) {
   return static_cast<std::size_t>(std::lround(share * static_cast<double>(frames - 1)));
 }
@@ -40,6 +45,20 @@ DriveOptions studyOptions(MotionModel motion) {
   DriveOptions options;
   options.motion = motion;
   if (motion == MotionModel::kCarDrive) return options;
+  if (options.hasRawImu()) {
+    options.standing_start = 3.0;
+    options.gyro_bias_sigma = 0.005;
+    options.stale_fraction = 0.0;
+    if (motion == MotionModel::kInertialCar) return options;
+    options.duration = 60.0;
+    options.frame_rate = 20.0;
+    options.features_max = 250;
+    options.features_min = 180;
+    options.moving_objects = 0;
+    options.min_depth = 0.6;
+    options.max_depth = 40.0;
+    return options;
+  }
   options.duration = 100.0;
   // The default filter's own model of motion, biases and noise: any other would test the model, not the
   // filter.
@@ -55,7 +74,16 @@ DriveOptions studyOptions(MotionModel motion) {
   return options;
 }
 
-SeedResult runSeed(const Config& config, const DriveOptions& options) {
+void countPlace(const FrameReport& report, SeedResult& result) {
+  if (!report.place_recognised) return;
+  ++result.places;
+  const std::size_t now = result.frames.size() - 1;
+  const double before = now > 0 ? result.frames[now - 1].position : 0.0;
+  if (result.frames[now].position > before + kFartherOff) ++result.wrong_places;
+}
+
+SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study) {
+  if (options.hasRawImu()) return runInertialSeed(config, options, study);
   DriveSimulator simulator(options);
   const std::unique_ptr<Estimator> estimator = makeEstimator(config);
   estimator->setRig(simulator.rig());
@@ -70,7 +98,7 @@ SeedResult runSeed(const Config& config, const DriveOptions& options) {
     stale.repair(*step);
     if (!start) start = step->stamp;
     for (const Measurement& measurement : measurementsOf(*step)) {
-      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+      if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
         estimator->process(*gyro);
         dead_reckoning.process(*gyro);
       } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
@@ -85,8 +113,9 @@ SeedResult runSeed(const Config& config, const DriveOptions& options) {
         result.frames_rejected += report.frame_rejected ? 1 : 0;
         result.features += report.features;
         result.features_used += report.used;
-        result.frames.push_back(errorsOf(secondsBetween(*start, step->stamp), step->world_T_imu, state,
-                                         dead_reckoning.pose(), report));
+        result.frames.push_back(frameErrors(secondsBetween(*start, step->stamp), step->world_T_imu, state,
+                                            dead_reckoning.pose(), report));
+        countPlace(report, result);
       }
     }
   }
@@ -96,7 +125,8 @@ SeedResult runSeed(const Config& config, const DriveOptions& options) {
 
 std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& options, std::uint64_t first,
                                  std::size_t count, unsigned jobs,
-                                 const std::function<void(std::size_t)>& progress) {
+                                 const std::function<void(std::size_t)>& progress,
+                                 const InertialStudy& study) {
   std::vector<SeedResult> results(count);
   std::atomic<std::size_t> next{0};
   std::atomic<bool> failed{false};
@@ -108,7 +138,7 @@ std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& optio
       for (std::size_t i = next++; i < count && !failed; i = next++) {
         DriveOptions of_seed = options;
         of_seed.seed = first + i;
-        results[i] = runSeed(config, of_seed);
+        results[i] = runSeed(config, of_seed, study);
         const std::lock_guard<std::mutex> lock(mutex);
         ++done;
         if (progress) progress(done);
@@ -127,7 +157,14 @@ std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& optio
   return results;
 }
 
-std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results) {
+std::vector<SeedResult> startedOf(std::vector<SeedResult> results) {
+  const auto never = [](const SeedResult& result) { return result.frames.empty(); };
+  results.erase(std::remove_if(results.begin(), results.end(), never), results.end());
+  return results;
+}
+
+std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& all) {
+  const std::vector<SeedResult> results = startedOf(all);
   std::vector<MeanErrors> means;
   if (results.empty()) return means;
   std::size_t frames = results.front().frames.size();

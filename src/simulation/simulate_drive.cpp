@@ -118,8 +118,12 @@ class Columns {
 };
 
 void run(const Arguments& arguments) {
-  DriveSimulator simulator(arguments.options);
   const DriveOptions& options = arguments.options;
+  if (options.hasRawImu()) {
+    throw std::invalid_argument("option 'motion' is '" + std::string(nameOf(options.motion)) +
+                                "', allowed: car or process: a dataset has one twist a frame");
+  }
+  DriveSimulator simulator(options);
   if (options.imuRate() != options.frame_rate) {
     throw std::invalid_argument(
         "option 'imu-rate' must be 0 or equal frame-rate: a dataset has one twist a frame");

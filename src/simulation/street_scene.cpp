@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "vi_ekf_slam/simulation/scene.hpp"
@@ -10,6 +11,7 @@ namespace {
 constexpr double kFacade = 9.0;         // m from the path to the houses on either side
 constexpr double kBeyond = 130.0;       // m that a street runs on beyond a corner
 constexpr double kPointsPerMetre = 6.0; // of a facade
+constexpr double kPeriod = 40.0;        // m, of streets that repeat themselves
 
 /// Whether the segment from a to b enters the axis-aligned box |x| < hx, |y| < hy (Liang and Barsky 1984).
 bool crossesBox(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double hx, double hy) {
@@ -31,16 +33,14 @@ bool crossesBox(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double hx, d
 } // namespace
 
 StreetScene::StreetScene(const DriveOptions& options, const View& view)
-    : path_(options.block_length, options.block_width),
-      view_(view),
-      random_(options.seed, RandomStream::kScene),
-      path_T_world_(path_.path_T_imu(0.0)) {
+    : PointScene(options, view),
+      path_(options.block_length, options.block_width),
+      path_T_world_(options.hasRawImu() ? SE3() : path_.path_T_imu(0.0)) {
   addFacades();
   addStreetsBeyond();
   addFurniture();
-  Random random(options.seed, RandomStream::kStrengths);
-  for (std::size_t i = 0; i < points_.size(); ++i)
-    strengths_.push_back(std::exp(options.strength_spread * random.normal()));
+  if (options.alike_streets) repeatStreets();
+  drawStrengths(options);
 }
 
 void StreetScene::add(double x, double y, double z) {
@@ -102,24 +102,36 @@ void StreetScene::addFurniture() {
   }
 }
 
-std::vector<ScenePoint> StreetScene::detect(const SE3& world_T_cam, std::size_t count,
-                                            const std::vector<std::uint64_t>& taken) {
-  const SE3 cam_T_world = world_T_cam.inverse();
-  // Weighted draw without replacement (Efraimidis and Spirakis 2006): the smallest Exp(weight) win.
-  std::vector<std::pair<double, std::uint64_t>> candidates;
-  for (std::uint64_t i = 0; i < points_.size(); ++i) {
-    const Eigen::Vector3d p = cam_T_world * points_[i];
-    if (!view_.sees(p) || std::binary_search(taken.begin(), taken.end(), i)) continue;
-    if (occluded(world_T_cam.translation(), points_[i])) continue;
-    candidates.emplace_back(random_.exponential() * p.z() / strengths_[i], i);
+/// Of the first long street a part of kPeriod is everywhere along both of them, which run as far apart from
+/// each other as the block is wide.
+void StreetScene::repeatStreets() {
+  const double half_length = 0.5 * path_.length(), half_width = 0.5 * path_.width();
+  const auto isOfLongStreet = [&](const Eigen::Vector3d& p) {
+    return std::abs(p.x()) < half_length - kFacade && std::abs(std::abs(p.y()) - half_width) < kFacade + 3.0;
+  };
+  std::vector<Eigen::Vector3d> part, others;
+  for (const Eigen::Vector3d& world : points_) {
+    const Eigen::Vector3d p = path_T_world_ * world;
+    if (!isOfLongStreet(p))
+      others.push_back(world);
+    else if (std::abs(p.x()) < 0.5 * kPeriod && p.y() < 0.0)
+      part.push_back(p);
   }
-  count = std::min(count, candidates.size());
-  std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(count),
-                    candidates.end());
-  std::vector<ScenePoint> found;
-  for (std::size_t i = 0; i < count; ++i)
-    found.push_back({candidates[i].second, points_[candidates[i].second]});
-  return found;
+  points_ = std::move(others);
+  looks_.resize(points_.size());
+  std::iota(looks_.begin(), looks_.end(), std::uint64_t{0});
+  const std::uint64_t own = looks_.size();
+  const auto copies = static_cast<int>(half_length / kPeriod + 0.5);
+  for (const double side : {1.0, -1.0}) { // the other street is this one, turned
+    for (int copy = -copies; copy <= copies; ++copy) {
+      for (std::size_t i = 0; i < part.size(); ++i) {
+        const Eigen::Vector3d p(side * (part[i].x() + copy * kPeriod), side * part[i].y(), part[i].z());
+        if (!isOfLongStreet(p)) continue;
+        add(p.x(), p.y(), p.z());
+        looks_.push_back(own + i);
+      }
+    }
+  }
 }
 
 bool StreetScene::occluded(const Eigen::Vector3d& camera_world, const Eigen::Vector3d& point_world) const {

@@ -1,5 +1,6 @@
 #include "bag_input.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <set>
@@ -48,20 +49,34 @@ void instantiate(const BagMessage& message, const Use& use) {
 BagInput::BagInput(const std::string& path, const InputTopics& topics)
     : path_(path), topics_(topics), bag_(path) {
   const auto expected = expectedTypes(topics_);
+  for (const auto& [topic, type] : expected) requireType(topic, type);
   bool usable = false;
   for (const auto& [id, connection] : bag_.connections()) {
-    const auto found = expected.find(connection.topic);
-    if (found == expected.end()) continue;
-    if (found->second != connection.type) {
-      throw BagError(path_ + ": " + connection.topic + " is " + connection.type + ", it must be " +
-                     found->second);
-    }
     usable = usable || connection.topic == topics_.imu || connection.topic == topics_.velocity ||
-             connection.topic == topics_.wheel_odometry || connection.topic == topics_.features;
+             connection.topic == topics_.wheel_odometry || connection.topic == topics_.features ||
+             connection.type == "sensor_msgs/Image" || connection.type == "sensor_msgs/CompressedImage";
   }
   if (usable) return;
   throw BagError(path_ + ": none of " + topics_.imu + ", " + topics_.velocity + ", " + topics_.features +
                  " is in the bag (see --imu and so on); it has:" + listOf(bag_.connections()));
+}
+
+void BagInput::requireType(const std::string& topic, const std::string& type) const {
+  for (const auto& [id, connection] : bag_.connections()) {
+    if (connection.topic == topic && connection.type != type)
+      throw BagError(path_ + ": " + topic + " is " + connection.type + ", it must be " + type);
+  }
+}
+
+bool BagInput::has(const std::string& topic) const {
+  const auto& all = bag_.connections();
+  return std::any_of(all.begin(), all.end(), [&](const auto& c) { return c.second.topic == topic; });
+}
+
+void BagInput::listen(const std::string& topic, const std::string& type,
+                      std::function<void(const BagMessage&)> handler) {
+  requireType(topic, type);
+  listeners_[topic] = std::move(handler);
 }
 
 BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
@@ -114,9 +129,15 @@ void BagInput::feed(Intake& intake, const std::function<bool(double)>& proceed) 
     handlers[name] = handlerFor(name);
     names.insert(name);
   }
+  for (const auto& [name, listener] : listeners_) names.insert(name);
   try {
     bag_.forEach(names, [&](const BagMessage& message, double done) {
-      handlers.at(message.connection.topic)(message, intake);
+      const std::string& topic = message.connection.topic;
+      const auto listener = listeners_.find(topic);
+      if (listener != listeners_.end()) listener->second(message);
+      const auto handler = handlers.find(topic);
+      if (handler != handlers.end()) handler->second(message, intake);
+      if (on_message_) on_message_(message);
       return proceed(done);
     });
   } catch (const BagError&) {

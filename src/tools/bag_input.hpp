@@ -1,7 +1,9 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
+#include <utility>
 
 #include "vi_ekf_slam/ros/input/bag_reader.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
@@ -14,6 +16,15 @@ class BagInput {
   /// Opens the bag and checks that it has a measurement topic of the right type. Throws BagError.
   BagInput(const std::string& path, const InputTopics& topics);
 
+  /// Whether the bag has the topic.
+  bool has(const std::string& topic) const;
+  /// `handler` gets the messages of the topic too, before `intake` does. Throws BagError where the bag's
+  /// topic has another type.
+  void listen(const std::string& topic, const std::string& type,
+              std::function<void(const BagMessage&)> handler);
+  /// `handler` hears of every message, after the others.
+  void onMessage(std::function<void(const BagMessage&)> handler) { on_message_ = std::move(handler); }
+
   /// Hands every message to `intake`. After each, `proceed` hears the share done (0 to 1) and says whether to
   /// go on. Throws BagError where the bag cannot be read on.
   void feed(Intake& intake, const std::function<bool(double)>& proceed);
@@ -23,6 +34,10 @@ class BagInput {
 
   Handler handlerFor(const std::string& topic) const;
 
+  void requireType(const std::string& topic, const std::string& type) const;
+
+  std::map<std::string, std::function<void(const BagMessage&)>> listeners_;
+  std::function<void(const BagMessage&)> on_message_;
   std::string path_;
   InputTopics topics_;
   BagReader bag_;

@@ -20,11 +20,11 @@ constexpr int kOk = 0;
 constexpr int kUsage = 1;
 constexpr int kOutOfBounds = 3;
 
-/// Runs plot_monte_carlo.py of the workspace that is sourced; whether it went well.
+/// Runs plot.py of the workspace that is sourced; whether it went well.
 bool plot(const std::string& directory) {
   const pid_t child = fork();
   if (child == 0) {
-    execlp("rosrun", "rosrun", "vi_ekf_slam", "plot_monte_carlo.py", directory.c_str(), nullptr);
+    execlp("rosrun", "rosrun", "vi_ekf_slam", "plot.py", "monte_carlo", directory.c_str(), nullptr);
     _exit(127);
   }
   int status = 0;
@@ -51,7 +51,8 @@ int run(const MonteCarloOptions& options) {
     studies.push_back(
         {drive, simulation::runSeeds(
                     config, drive, options.first_seed, options.seeds, options.jobs,
-                    [&](std::size_t done) { progress.show((before + static_cast<double>(done)) / all); })});
+                    [&](std::size_t done) { progress.show((before + static_cast<double>(done)) / all); },
+                    options.study)});
     const std::string folder = folderOf(options, drive);
     RunWriter::makeDirectory(folder);
     writeMonteCarlo(folder, studies.back().results);
@@ -64,7 +65,7 @@ int run(const MonteCarloOptions& options) {
               << "results in " << options.output << std::endl;
   }
   if (options.plot && !plot(options.output))
-    std::cerr << "monte_carlo: rosrun vi_ekf_slam plot_monte_carlo.py failed; nothing is drawn" << std::endl;
+    std::cerr << "monte_carlo: rosrun vi_ekf_slam plot.py failed; nothing is drawn" << std::endl;
   const auto within = [&](const RateStudy& study) { return neesWithin(study.results, *options.check); };
   if (!options.check || std::all_of(studies.begin(), studies.end(), within)) return kOk;
   std::cerr << "monte_carlo: the mean pose NEES leaves the bounds " << options.check->first << " to "

@@ -1,6 +1,7 @@
 #include "monte_carlo_options.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <sstream>
 #include <thread>
@@ -28,12 +29,23 @@ a common one that grows with the distance.
   --motion car         two laps round a block with wrong matches, other cars and stale frames (repaired), or
   --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match: the
                        default filter's own model                                [car]
+  --motion inertial    (or handheld) 60 s of a body shaken in a room with a raw IMU, or
+  --motion inertial-car  the car with one, both after 3 s at rest. The filter is told motion, densities of the IMU, noise of
+                       the pixels, gravity, and that tracks do not slip, whatever FILE says; see docs/accuracy.md
+  --start given        it begins with the truth and errors drawn from the covariance that it is given, or
+  --start self         by itself; the truth is put into its map by position and heading at its first estimate. Of both the
+                       first estimate's NEES and the delay are in starts.csv      [given, with a raw IMU alone]
+  --blind-from S --blind-for S   with a raw IMU: frames are without features from S s after the first one, for so long; the
+                       NEES of the position at the end of it is in starts.csv
+  --disturb-rig ROTATION,TRANSLATION,OFFSET,SCALE   with a raw IMU: the filter is told a rig that is wrong by so much (rad
+                       and m from the IMU to the camera, s of the pictures' stamps, 1 of the baseline), in directions
+                       drawn by the seed; what is left of it is in rig.csv. FILE's calibration says what is estimated
   --set OPTION=VALUE   an option of the drive ('simulate_drive --help' lists them); may be given often
   --frame-rates LIST   Hz, as in 5,10,30: a study of each pair of rates with a table of them all, rates.csv in DIR and
   --imu-rates LIST     the other files in a folder a pair; a list that is left out has the drive's own rate
   --jobs N             threads; results do not depend on it                      [2, or 1 on one core]
   --check LOW,HIGH     exit with 3 when the mean pose NEES at a check point leaves these bounds
-  --plot               draw monte_carlo.png into DIR (plot_monte_carlo.py DIR does it afterwards)
+  --plot               draw monte_carlo.png into DIR (plot.py monte_carlo DIR does it afterwards)
   --quiet              errors only
   --help               this text
 
@@ -41,6 +53,8 @@ Exit code: 0 it ran; 1 the command line, the configuration or the output is not 
 )";
 
 namespace {
+
+constexpr double kLongestBlind = 1e6; // s
 
 std::uint64_t wholeNumber(const std::string& option, const std::string& text, std::uint64_t least,
                           std::uint64_t most) {
@@ -51,6 +65,34 @@ std::uint64_t wholeNumber(const std::string& option, const std::string& text, st
     throw MonteCarloUsageError(option + " is '" + text + "', allowed: a whole number from " +
                                std::to_string(least) + " to " + std::to_string(most));
   return value;
+}
+
+double seconds(const std::string& option, const std::string& text, bool above_0) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0' || !(above_0 ? value > 0.0 : value >= 0.0) || !(value <= kLongestBlind))
+    throw MonteCarloUsageError(option + " is '" + text + "', allowed: " + (above_0 ? "above" : "from") +
+                               " 0 up to 1e6 s");
+  return value;
+}
+
+simulation::StudyStart start(const std::string& text) {
+  if (text == "given") return simulation::StudyStart::kGiven;
+  if (text == "self") return simulation::StudyStart::kSelf;
+  throw MonteCarloUsageError("--start is '" + text + "', allowed: given or self");
+}
+
+simulation::RigDisturbance disturbance(const std::string& text) {
+  simulation::RigDisturbance d;
+  std::istringstream in(text);
+  char comma1 = 0, comma2 = 0, comma3 = 0;
+  in >> d.rotation >> comma1 >> d.translation >> comma2 >> d.time_offset >> comma3 >> d.scale;
+  const bool whole = !in.fail() && in.peek() == std::istringstream::traits_type::eof();
+  if (!whole || comma1 != ',' || comma2 != ',' || comma3 != ',' || !(std::abs(d.rotation) <= 1.0) ||
+      !(std::abs(d.translation) <= 1.0) || !(std::abs(d.time_offset) <= 0.1) || !(std::abs(d.scale) <= 0.5))
+    throw MonteCarloUsageError("--disturb-rig is '" + text +
+                               "', allowed: four numbers with commas, up to 1 rad, 1 m, 0.1 s and 0.5");
+  return d;
 }
 
 std::pair<double, double> bounds(const std::string& text) {
@@ -97,6 +139,8 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
   options.jobs = std::clamp(std::thread::hardware_concurrency(), 1u, 2u);
   std::string motion = "car";
   std::vector<std::string> assignments;
+  std::optional<std::string> start_text;
+  std::optional<double> blind_from, blind_for;
   const auto take = [&](const std::string& name, const std::string& value) {
     if (name == "--config")
       options.config = value;
@@ -115,7 +159,15 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
     else if (name == "--imu-rates")
       options.imu_rates = rates(name, "imu-rate", value);
     else if (name == "--motion")
-      motion = value;
+      motion = value == "inertial" ? "handheld" : value;
+    else if (name == "--start")
+      start_text = value;
+    else if (name == "--blind-from")
+      blind_from = seconds(name, value, false);
+    else if (name == "--blind-for")
+      blind_for = seconds(name, value, true);
+    else if (name == "--disturb-rig")
+      options.study.disturbance = disturbance(value);
     else if (name == "--set")
       assignments.push_back(value);
     else
@@ -148,12 +200,24 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
     for (const std::string& assignment : assignments) set(options.drive, assignment);
     checkDriveOptions(options.drive);
     for (const simulation::DriveOptions& drive : drivesOf(options)) checkDriveOptions(drive);
+    if (start_text) options.study.start = start(*start_text);
+    if (blind_from.has_value() != blind_for.has_value())
+      throw MonteCarloUsageError("--blind-from and --blind-for need each other");
+    options.study.blind_from = blind_from.value_or(0.0);
+    options.study.blind_for = blind_for.value_or(0.0);
+    if ((start_text || blind_from || !options.study.disturbance.isNone()) && !options.drive.hasRawImu())
+      throw MonteCarloUsageError(
+          "--start, --blind-from, --blind-for and --disturb-rig need --motion inertial or inertial-car");
+    const double seen = options.drive.duration;
+    if (blind_from && seen > 0.0 && *blind_from + *blind_for > seen)
+      throw MonteCarloUsageError(
+          "--blind-from and --blind-for end after the drive, allowed: up to its duration");
   } catch (const std::invalid_argument& e) {
     throw MonteCarloUsageError(e.what());
   }
   if (options.plot && options.comparesRates())
     throw MonteCarloUsageError(
-        "--plot draws one study; plot_monte_carlo.py draws each folder of a comparison of rates");
+        "--plot draws one study; plot.py monte_carlo draws each folder of a comparison of rates");
   return options;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/simulation/drive_options.hpp"
+#include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
 
 namespace vi_ekf_slam {
 
@@ -24,6 +25,7 @@ struct MonteCarloOptions {
   std::uint64_t first_seed = 1;
   unsigned jobs = 1;
   simulation::DriveOptions drive;
+  simulation::InertialStudy study;
   std::vector<double> frame_rates, imu_rates;     ///< Hz; where there are any, a study of each pair
   std::optional<std::pair<double, double>> check; ///< bounds of the mean pose NEES
   bool plot = false;

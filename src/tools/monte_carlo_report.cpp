@@ -1,20 +1,25 @@
 #include "monte_carlo_report.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <limits>
 
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 
 namespace vi_ekf_slam {
 
 using simulation::FrameErrors;
+using simulation::InertialOutcome;
 using simulation::MeanErrors;
 using simulation::PoseNees;
 using simulation::SeedResult;
 
 namespace {
+
+constexpr double kSoon = 2.0; // s, after which a start is late
 
 __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
   char buffer[512];
@@ -25,14 +30,19 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return buffer;
 }
 
-double frameMean(const std::vector<SeedResult>& results, double (*value)(const SeedResult&)) {
+/// Over the seeds that have an estimate.
+double frameMean(const std::vector<SeedResult>& all, double (*value)(const SeedResult&)) {
+  const std::vector<SeedResult> results = simulation::startedOf(all);
   double sum = 0.0;
   for (const SeedResult& result : results) sum += value(result);
   return sum / static_cast<double>(results.size());
 }
 
-/// Means over the seeds at a check point, each drive at its own frame.
-PoseNees meanNees(const std::vector<SeedResult>& results, double share) {
+/// Means over the seeds that have an estimate at a check point, each drive at its own frame.
+PoseNees meanNees(const std::vector<SeedResult>& all, double share) {
+  const std::vector<SeedResult> results = simulation::startedOf(all);
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  if (results.empty()) return {kNan, kNan, kNan};
   PoseNees mean;
   for (const SeedResult& result : results) {
     const PoseNees& nees = result.frames[simulation::checkPointFrame(share, result.frames.size())].nees;
@@ -61,20 +71,28 @@ RateFigures figuresOf(const RateStudy& study) {
   return figures;
 }
 
+std::size_t revisitedIn(const SeedResult& result) {
+  std::size_t sum = 0;
+  for (const FrameErrors& frame : result.frames) sum += frame.revisited;
+  return sum;
+}
+
 std::string seedsCsv(const std::vector<SeedResult>& results) {
   std::string text =
       "seed,frames,nis_per_dof,yaw_variance_fall,position_rmse,dead_reckoning_rmse,final_position_error,"
-      "features,features_used,frames_rejected\n";
+      "features,features_used,frames_rejected,places,wrong_places,revisited\n";
   for (const SeedResult& r : results) {
-    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu\n", static_cast<unsigned long long>(r.seed),
-                   r.frames.size(), nisPerDof(r), r.yaw_fall, rmse(r, &FrameErrors::position),
-                   rmse(r, &FrameErrors::dead_reckoning), r.frames.back().position, r.features,
-                   r.features_used, r.frames_rejected);
+    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu,%zu,%zu,%zu\n",
+                   static_cast<unsigned long long>(r.seed), r.frames.size(), nisPerDof(r), r.yaw_fall,
+                   rmse(r, &FrameErrors::position), rmse(r, &FrameErrors::dead_reckoning),
+                   r.frames.empty() ? InertialOutcome::kNever : r.frames.back().position, r.features,
+                   r.features_used, r.frames_rejected, r.places, r.wrong_places, revisitedIn(r));
   }
   return text;
 }
 
-std::string checkPointsCsv(const std::vector<SeedResult>& results) {
+std::string checkPointsCsv(const std::vector<SeedResult>& all) {
+  const std::vector<SeedResult> results = simulation::startedOf(all);
   std::string text =
       "seed,share,time,nees,nees_rotation,nees_position,position_error,dead_reckoning_error,yaw_sigma\n";
   for (const SeedResult& r : results) {
@@ -89,7 +107,7 @@ std::string checkPointsCsv(const std::vector<SeedResult>& results) {
 }
 
 std::string framesCsv(const std::vector<SeedResult>& results) {
-  const double n = static_cast<double>(results.size());
+  const double n = static_cast<double>(simulation::startedOf(results).size());
   const auto [low6, high6] = simulation::chiSquareMeanBounds(6.0, n);
   const auto [low3, high3] = simulation::chiSquareMeanBounds(3.0, n);
   std::string text =
@@ -104,16 +122,122 @@ std::string framesCsv(const std::vector<SeedResult>& results) {
   return text;
 }
 
+bool isInertial(const std::vector<SeedResult>& results) {
+  return !results.empty() && results.front().inertial;
+}
+
+std::string startsCsv(const std::vector<SeedResult>& results) {
+  std::string text =
+      "seed,start_delay,first_nees,first_nees_tilt,first_nees_velocity,blind_nees_position,blind_position_"
+      "error\n";
+  for (const SeedResult& r : results) {
+    const InertialOutcome& o = *r.inertial;
+    text +=
+        format("%llu,%.3f,%.6g,%.6g,%.6g,%.6g,%.6g\n", static_cast<unsigned long long>(r.seed), o.start_delay,
+               o.first_pose, o.first_tilt, o.first_velocity, o.blind_nees, o.blind_position);
+  }
+  return text;
+}
+
+/// Of what is a number.
+struct Figures {
+  std::size_t count = 0;
+  double mean = InertialOutcome::kNever, most = InertialOutcome::kNever;
+};
+
+Figures figuresOf(const std::vector<SeedResult>& results, double InertialOutcome::*member) {
+  Figures figures;
+  double sum = 0.0;
+  for (const SeedResult& result : results) {
+    const double value = (*result.inertial).*member;
+    if (std::isnan(value)) continue;
+    ++figures.count;
+    sum += value;
+    figures.mean = sum / static_cast<double>(figures.count);
+    figures.most = std::fmax(figures.most, value);
+  }
+  return figures;
+}
+
+std::string startsSummary(const std::vector<SeedResult>& results) {
+  const Figures delay = figuresOf(results, &InertialOutcome::start_delay);
+  const auto soon = std::count_if(results.begin(), results.end(), [](const SeedResult& result) {
+    return result.inertial->start_delay <= kSoon;
+  });
+  const double n = static_cast<double>(results.size());
+  std::string text = format("not started at all           %.0f %%, not within %.0f s %.0f %%\n",
+                            100.0 * (1.0 - static_cast<double>(delay.count) / n), kSoon,
+                            100.0 * (1.0 - static_cast<double>(soon) / n));
+  text += format("start delay                  %.2f s, at most %.2f s\n", delay.mean, delay.most);
+  text +=
+      format("first estimate's mean NEES   pose %.2f, tilt %.2f (2 expected), velocity %.2f (3 expected)\n",
+             figuresOf(results, &InertialOutcome::first_pose).mean,
+             figuresOf(results, &InertialOutcome::first_tilt).mean,
+             figuresOf(results, &InertialOutcome::first_velocity).mean);
+  const Figures blind = figuresOf(results, &InertialOutcome::blind_nees);
+  if (blind.count == 0) return text;
+  const auto [low, high] = simulation::chiSquareMeanBounds(3.0, static_cast<double>(blind.count));
+  return text + format(
+                    "end of the blind time        position NEES %.2f (3 expected, 95 %% bounds %.2f-%.2f), "
+                    "error %.3f m\n",
+                    blind.mean, low, high, figuresOf(results, &InertialOutcome::blind_position).mean);
+}
+
+constexpr std::array<const char*, 8> kRigParts = {"rotation x, rad",  "rotation y, rad",  "rotation z, rad",
+                                                  "translation x, m", "translation y, m", "translation z, m",
+                                                  "time offset, s",   "scale, 1"};
+
+bool isDisturbed(const std::vector<SeedResult>& results) {
+  return isInertial(results) && std::any_of(results.begin(), results.end(), [](const SeedResult& r) {
+           return !std::isnan(r.inertial->rig.front().before);
+         });
+}
+
+std::string rigCsv(const std::vector<SeedResult>& results) {
+  std::string text = "seed,part,error_before,error_after,sigma\n";
+  for (const SeedResult& r : results) {
+    for (std::size_t i = 0; i < kRigParts.size(); ++i) {
+      const auto& part = r.inertial->rig[i];
+      text += format("%llu,\"%s\",%.6g,%.6g,%.6g\n", static_cast<unsigned long long>(r.seed), kRigParts[i],
+                     part.before, part.after, part.sigma);
+    }
+  }
+  return text;
+}
+
+/// RMS over the seeds, and how many are within three standard deviations.
+std::string rigSummary(const std::vector<SeedResult>& results) {
+  std::string text =
+      "the rig that it was told: RMS error before, after, stated sigma, seeds within 3 sigma\n";
+  for (std::size_t i = 0; i < kRigParts.size(); ++i) {
+    double before = 0.0, after = 0.0, variance = 0.0, n = 0.0, within = 0.0;
+    for (const SeedResult& r : results) {
+      const auto& part = r.inertial->rig[i];
+      if (std::isnan(part.before)) continue;
+      n += 1.0;
+      before += part.before * part.before;
+      after += part.after * part.after;
+      variance += part.sigma * part.sigma;
+      within += std::abs(part.after) <= 3.0 * part.sigma ? 1.0 : 0.0;
+    }
+    text += format("  %-18s %9.6f %9.6f %9.6f   %.0f of %.0f\n", kRigParts[i], std::sqrt(before / n),
+                   std::sqrt(after / n), std::sqrt(variance / n), within, n);
+  }
+  return text;
+}
+
 } // namespace
 
 void writeMonteCarlo(const std::string& directory, const std::vector<SeedResult>& results) {
   writeFile(directory + "/seeds.csv", seedsCsv(results));
   writeFile(directory + "/check_points.csv", checkPointsCsv(results));
   writeFile(directory + "/frames.csv", framesCsv(results));
+  if (isInertial(results)) writeFile(directory + "/starts.csv", startsCsv(results));
+  if (isDisturbed(results)) writeFile(directory + "/rig.csv", rigCsv(results));
 }
 
 std::string monteCarloSummary(const std::vector<SeedResult>& results) {
-  const double n = static_cast<double>(results.size());
+  const double n = static_cast<double>(simulation::startedOf(results).size());
   const auto [low6, high6] = simulation::chiSquareMeanBounds(6.0, n);
   const auto [low3, high3] = simulation::chiSquareMeanBounds(3.0, n);
   std::string text = format("%zu seeds, mean NEES (right-invariant coordinates)\n", results.size());
@@ -127,10 +251,16 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
   text += format("  95 %% bounds  %4.2f-%4.2f  %4.2f-%4.2f  %4.2f-%4.2f\n", low6, high6, low3, high3, low3,
                  high3);
   double nis = 0.0, dof = 0.0, fall = 0.0;
-  std::size_t rejected = 0;
+  std::size_t rejected = 0, places = 0, wrong = 0, with_places = 0, revisited = 0;
+  double squared = 0.0;
   for (const SeedResult& result : results) {
     fall = std::max(fall, result.yaw_fall);
     rejected += result.frames_rejected;
+    places += result.places;
+    wrong += result.wrong_places;
+    with_places += result.places > 0 ? 1 : 0;
+    revisited += revisitedIn(result);
+    if (!result.frames.empty()) squared += std::pow(result.frames.back().position, 2) / n;
     for (const FrameErrors& frame : result.frames) {
       nis += frame.nis;
       dof += static_cast<double>(frame.nis_dof);
@@ -145,8 +275,13 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
   text += format("final position error         %.3f m (dead reckoning %.3f m)\n",
                  frameMean(results, [](const SeedResult& r) { return r.frames.back().position; }),
                  frameMean(results, [](const SeedResult& r) { return r.frames.back().dead_reckoning; }));
+  text += format("its RMS                      %.3f m\n", std::sqrt(squared));
   text += format("frames rejected              %zu\n", rejected);
-  return text;
+  text += format("places recognised            on %zu drives, %zu in all, %zu of them wrong\n", with_places,
+                 places, wrong);
+  text += format("landmarks found again        %.1f a drive\n", static_cast<double>(revisited) / n);
+  if (isInertial(results)) text += startsSummary(results);
+  return isDisturbed(results) ? text + rigSummary(results) : text;
 }
 
 std::string ratesSummary(const std::vector<RateStudy>& studies) {

@@ -4,12 +4,19 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <memory>
 
 #include "bag_input.hpp"
+#ifdef VI_EKF_SLAM_FRONT_END
+#include "bag_images.hpp"
+#endif
 #include "progress.hpp"
 #include "run_bag_options.hpp"
+#include "vi_ekf_slam/core/run/atomic_file.hpp"
+#include "vi_ekf_slam/core/run/imu_calibration.hpp"
 #include "vi_ekf_slam/core/run/memory.hpp"
+#include "vi_ekf_slam/core/run/rig_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
@@ -30,6 +37,8 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   if (system.needsRig() && !system.hasRig() && system.counts().frames_without_rig > 0) {
     return "features were not used: " + intake.rigAssembler().problem();
   }
+  if (const std::string start = system.estimator().startProblem(); !start.empty())
+    return "no pose: the estimator did not start: " + start;
   if (writer.empty()) return "no message gave a pose";
   return {};
 }
@@ -68,10 +77,47 @@ int check(const RunBagOptions& options) {
   SlamSystem system(configurationOf(options).core);
   if (!options.load_map.empty())
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
+  if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
   if (!options.bag.empty()) BagReader{options.bag};
   if (!options.config.empty()) std::cout << std::filesystem::absolute(options.config).string() << std::endl;
   return kOk;
 }
+
+#ifdef VI_EKF_SLAM_FRONT_END
+/// The front end between bag and intake, where the bag has images and no features.
+std::unique_ptr<BagImages> imagesOf(const RunBagOptions& options, const FullConfig& config, BagInput& input,
+                                    Intake& intake) {
+  if (!BagImages::isNeeded(options, input)) {
+    if (!options.save_features.empty())
+      throw BagError(options.bag + ": --save-features needs a bag with " + options.left_image + " and " +
+                     options.right_image + " (raw, or with /compressed) and without " +
+                     options.topics.features);
+    return nullptr;
+  }
+  auto images = std::make_unique<BagImages>(options, config, input, intake);
+  images->onCalibration([&options](const std::string& text) {
+    if (!options.quiet) std::cout << "front end: " << text << std::endl;
+  });
+  return images;
+}
+#else
+/// Stands for what this program was built without.
+struct BagImages {
+  void finish() {}
+  std::string problem() const { return {}; }
+  std::map<std::string, std::uint64_t> turnedAway() const { return {}; }
+  void print(std::ostream& /*out*/) const {}
+};
+
+std::unique_ptr<BagImages> imagesOf(const RunBagOptions& options, const FullConfig& /*config*/,
+                                    BagInput& input, Intake& /*intake*/) {
+  const bool has_images = input.has(options.left_image) || input.has(options.left_image + "/compressed");
+  if (!options.save_features.empty() || (has_images && !input.has(options.topics.features)))
+    throw BagError(options.bag +
+                   ": its images need the front end, which this run_bag was built without (OpenCV)");
+  return nullptr;
+}
+#endif
 
 int run(const RunBagOptions& options) {
   const FullConfig config = configurationOf(options);
@@ -79,8 +125,17 @@ int run(const RunBagOptions& options) {
   SlamSystem system(config.core);
   if (options.save_map && !system.estimator().keepsJointMap())
     throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
+  if (!options.save_calibration.empty() && !config.core.invariant.rig.isEstimated())
+    throw UsageError("--save-calibration needs a configuration whose section calibration has a sigma above 0");
   if (!options.load_map.empty())
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
+  const auto say = [&options](const std::string& text) {
+    if (!options.quiet) std::cout << text << std::endl;
+  };
+  system.onStart(say);
+  if (!system.motionText().empty()) say("motion: " + system.motionText());
+  system.onImuProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
+  if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
   RunWriter::requireDirectory(options.output);
   RunWriter writer;
   system.onFrame([&](const Output& output) {
@@ -90,16 +145,16 @@ int run(const RunBagOptions& options) {
     }
     writer.addFrame(output);
   });
-  system.onGyro([&writer](const Output& output) { writer.addGyro(output); });
-  system.onNoise([&options](const StreamNoise& noise) {
-    if (!options.quiet) std::cout << "noise: " << toText(noise) << std::endl;
-  });
+  system.onImu([&writer](const Output& output) { writer.addGyro(output); });
+  system.onNoise([&say](const StreamNoise& noise) { say("noise: " + toText(noise)); });
   system.onReset([&writer](const std::string& reason) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
     writer.restart();
   });
   Intake intake(system, config.ros, options.topics);
   intake.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
+
+  const auto images = imagesOf(options, config, input, intake);
 
   const auto start = std::chrono::steady_clock::now();
   std::string problem;
@@ -114,21 +169,35 @@ int run(const RunBagOptions& options) {
     if (intake.received() == 0) throw; // nothing to write
     problem = e.what();
   }
+  if (images) images->finish();
   intake.flush();
   system.flush();
   progress.finish();
+  if (problem.empty() && images) problem = images->problem();
   if (problem.empty()) problem = inputProblem(system, intake, writer);
 
   const auto landmarks = system.estimator().exactLandmarks();
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
   const std::string source = options.config.empty() ? "built-in defaults" : options.config;
-  const RunSummary summary{
-      options.bag, source, wall.count(), system.counts(), intake.turnedAway(), system.noise().streams()};
+  auto turned_away = intake.turnedAway();
+  if (images) turned_away.merge(images->turnedAway());
+  const RunSummary summary{options.bag,
+                           source,
+                           wall.count(),
+                           system.counts(),
+                           turned_away,
+                           system.noise().streams(),
+                           system.motionText(),
+                           system.estimator().startProblem(),
+                           system.imuCheck().counts(),
+                           system.estimator().rig()};
   writer.writeTrajectory(options.output);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
+  if (!options.save_calibration.empty()) writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
   if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
+  if (!options.quiet && images) images->print(std::cout);
   if (!options.quiet) printSummary(options, writer, summary, landmarks.size());
   if (problem.empty()) return kOk;
   std::cerr << "run_bag: " << problem << std::endl;

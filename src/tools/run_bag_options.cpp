@@ -6,7 +6,7 @@ namespace vi_ekf_slam {
 
 const char* const kRunBagHelp =
     R"(Usage: run_bag IN.bag --output DIR [options]
-       run_bag --check [IN.bag] [--config FILE] [--load-map FILE]
+       run_bag --check [IN.bag] [--config FILE] [--load-map FILE] [--initial-state FILE]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
 needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
@@ -14,18 +14,24 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
   --output DIR         where the results go; files of the same names are replaced
   --config FILE        configuration, the same YAML file that the node takes; without it that of config/default.yaml,
                        which is built in
+  --initial-state FILE goes on from the state in it (dataset_to_bag.py writes such files); motion: inertial
   --imu TOPIC          sensor_msgs/Imu                                [/imu]
   --velocity TOPIC     geometry_msgs/TwistWithCovarianceStamped       [/velocity]
   --wheel-odometry TOPIC   nav_msgs/Odometry, its twist               [/wheel_odometry]
   --twist-bias TOPIC   geometry_msgs/TwistWithCovarianceStamped: what is known of the sensors' biases [/twist_bias]
   --features TOPIC     vi_ekf_slam/StereoFeatureArray                 [/features]
+  --left-image TOPIC, --right-image TOPIC   sensor_msgs/Image, or sensor_msgs/CompressedImage on TOPIC/compressed
+                       [/left/image, /right/image]: what the front end makes features of, where the bag has none
   --left-info TOPIC    sensor_msgs/CameraInfo                         [/left/camera_info]
   --right-info TOPIC   sensor_msgs/CameraInfo                         [/right/camera_info]
                        an empty TOPIC: that input is not wanted, and not missed
-  --topic-prefix NAME  put before each of the seven names above; the transforms from the IMU to the left camera and
+  --topic-prefix NAME  put before each of the nine names above; the transforms from the IMU to the left camera and
                        to where velocities are of always come from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
+  --save-calibration FILE  writes the calibration that was estimated (section calibration of the configuration) there too,
+                       for calibration/file of the next run's configuration
   --load-map FILE      a map.bag to relocalise in, by ids that return
+  --save-features BAG  writes the features that the front end made, and all other inputs, as a bag that needs no front end
   --check              only looks whether these files can be used, and prints the configuration's absolute path
   --quiet              errors only
   --help               this text
@@ -44,11 +50,13 @@ std::string absolute(const std::string& topic) {
   return topic.empty() || topic.front() == '/' ? topic : "/" + topic;
 }
 
-void makeAbsolute(InputTopics& topics, const std::string& prefix) {
+void makeAbsolute(RunBagOptions& options, const std::string& prefix) {
+  InputTopics& topics = options.topics;
   std::string stem = absolute(prefix);
   while (!stem.empty() && stem.back() == '/') stem.pop_back();
-  for (std::string* topic : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
-                             &topics.features, &topics.left_info, &topics.right_info}) {
+  for (std::string* topic :
+       {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias, &topics.features,
+        &topics.left_info, &topics.right_info, &options.left_image, &options.right_image}) {
     if (!topic->empty()) *topic = stem + absolute(*topic);
   }
 }
@@ -67,11 +75,13 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
   po::options_description known; // kRunBagHelp describes them
   known.add_options()("help,h", po::bool_switch(&options.help))("quiet", po::bool_switch(&options.quiet))(
       "check", po::bool_switch(&options.check))("save-map", po::bool_switch(&options.save_map))(
-      "bag", text(options.bag))("config", text(options.config))("output", text(options.output))(
-      "load-map", text(options.load_map))("topic-prefix", text(prefix))("imu", text(options.topics.imu))(
-      "velocity", text(options.topics.velocity))("wheel-odometry", text(options.topics.wheel_odometry))(
-      "twist-bias", text(options.topics.twist_bias))("features", text(options.topics.features))(
-      "left-info", text(options.topics.left_info))("right-info", text(options.topics.right_info));
+      "bag", text(options.bag))("config", text(options.config))("initial-state", text(options.initial_state))(
+      "output", text(options.output))("load-map", text(options.load_map))("save-calibration", text(options.save_calibration))("topic-prefix", text(prefix))(
+      "imu", text(options.topics.imu))("velocity", text(options.topics.velocity))(
+      "wheel-odometry", text(options.topics.wheel_odometry))("twist-bias", text(options.topics.twist_bias))(
+      "features", text(options.topics.features))("left-info", text(options.topics.left_info))(
+      "right-info", text(options.topics.right_info))("left-image", text(options.left_image))(
+      "right-image", text(options.right_image))("save-features", text(options.save_features));
   constexpr int kStyle = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
   try {
     po::variables_map values;
@@ -86,7 +96,7 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
     throw UsageError(e.what());
   }
   if (!options.help && !options.check) requireAll(options);
-  makeAbsolute(options.topics, prefix);
+  makeAbsolute(options, prefix);
   return options;
 }
 

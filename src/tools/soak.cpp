@@ -27,8 +27,8 @@ namespace {
 constexpr double kFrameRate = 10.0;        // Hz
 constexpr double kReportPeriod = 3600;     // s of sensor time
 constexpr double kMapPeriod = 60.0;        // s of sensor time between maps as messages
-constexpr double kMemoryPeriod = 60.0;     // s of sensor time between samples
-constexpr std::size_t kHour = 60;          // samples
+constexpr double kMemoryPeriod = 1.0;      // s of sensor time between samples
+constexpr std::size_t kHour = 3600;        // samples
 constexpr std::size_t kWarmUp = 2 * kHour; // until all that is bounded is full; the archive is after an hour
 constexpr double kAllowedGrowth = 0.05;
 
@@ -96,7 +96,7 @@ Message stamped(Stamp stamp, const char* frame) {
   return message;
 }
 
-sensor_msgs::Imu toMessage(const GyroSample& sample) {
+sensor_msgs::Imu toMessage(const ImuSample& sample) {
   auto message = stamped<sensor_msgs::Imu>(sample.stamp, "imu");
   message.angular_velocity.x = sample.angular_velocity.x();
   message.angular_velocity.y = sample.angular_velocity.y();
@@ -129,6 +129,7 @@ StereoFeatureArray toMessage(const StereoFrame& frame) {
     f.v_left = feature.pixels[1];
     f.u_right = feature.pixels[2];
     f.v_right = feature.pixels[3];
+    f.sigma = static_cast<float>(feature.sigma);
     message.features.push_back(f);
   }
   return message;
@@ -143,7 +144,7 @@ class Soak {
         intake_(system_, config_, {}),
         sequencer_([this](const Output& output, bool is_frame) { publish(output, is_frame); }),
         path_(config_.map_frame) {
-    system_.onGyro([this](const Output& output) { sequencer_.addGyro(output); });
+    system_.onImu([this](const Output& output) { sequencer_.addGyro(output); });
     system_.onFrame([this](const Output& output) {
       sequencer_.addFrame(output);
       writer_.addFrame(output);
@@ -240,7 +241,9 @@ class Soak {
     writer_.writeMap(options_.output, landmarks);
     writer_.writeSummary(
         options_.output,
-        {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(), system_.noise().streams()},
+        {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(), system_.noise().streams(),
+         system_.motionText(), system_.estimator().startProblem(), system_.imuCheck().counts(),
+         system_.estimator().rig()},
         landmarks.size());
     std::ifstream file(options_.output + "/trajectory.tum");
     std::size_t lines = 0;

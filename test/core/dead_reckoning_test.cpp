@@ -13,7 +13,7 @@ namespace {
 using test::distance;
 using test::Random;
 
-GyroSample gyro(double t, const Eigen::Vector3d& omega) { return {fromSeconds(t), omega, {}}; }
+ImuSample gyro(double t, const Eigen::Vector3d& omega) { return {fromSeconds(t), omega, {}}; }
 VelocitySample velocity(double t, const Eigen::Vector3d& v) { return {fromSeconds(t), v, {}}; }
 
 Vector6d twist(const Eigen::Vector3d& v, const Eigen::Vector3d& omega) {

@@ -19,7 +19,7 @@ using Key = std::pair<Stamp, Stream>;
 constexpr Stamp kMs = 1000000;
 
 Measurement make(Stream stream, Stamp stamp) {
-  if (stream == Stream::kGyro) return GyroSample{stamp, Eigen::Vector3d::Zero(), {}};
+  if (stream == Stream::kImu) return ImuSample{stamp, Eigen::Vector3d::Zero(), {}};
   if (stream == Stream::kVelocity) return VelocitySample{stamp, Eigen::Vector3d::Zero(), {}};
   return StereoFrame{stamp, {}};
 }
@@ -52,7 +52,7 @@ struct Arrival {
 std::vector<Arrival> randomArrivals(Random& random, Stamp max_latency, Stamp stereo_period) {
   std::vector<Arrival> all;
   const std::vector<std::pair<Stream, Stamp>> periods{
-      {Stream::kGyro, 10 * kMs}, {Stream::kVelocity, 25 * kMs}, {Stream::kStereo, stereo_period}};
+      {Stream::kImu, 10 * kMs}, {Stream::kVelocity, 25 * kMs}, {Stream::kStereo, stereo_period}};
   for (const auto& [stream, period] : periods) {
     Stamp last = 0;
     const auto phase = static_cast<Stamp>(random.uniform(0.0, static_cast<double>(period)));
@@ -88,21 +88,21 @@ TEST(MeasurementBuffer, OutputDependsOnStampsAloneWhateverTheOrderOfArrival) {
 }
 
 TEST(MeasurementBuffer, EqualStampsComeOutInTheOrderOfStreams) {
-  std::vector<Stream> streams{Stream::kGyro, Stream::kVelocity, Stream::kStereo};
+  std::vector<Stream> streams{Stream::kImu, Stream::kVelocity, Stream::kStereo};
   do {
     MeasurementBuffer buffer(options());
     for (const Stream stream : streams) ASSERT_EQ(buffer.add(make(stream, 5 * kMs)), Verdict::kAccepted);
     std::vector<Key> released;
     popInto(buffer, released);
     const std::vector<Key> expected{
-        {5 * kMs, Stream::kGyro}, {5 * kMs, Stream::kVelocity}, {5 * kMs, Stream::kStereo}};
+        {5 * kMs, Stream::kImu}, {5 * kMs, Stream::kVelocity}, {5 * kMs, Stream::kStereo}};
     EXPECT_EQ(released, expected);
   } while (std::next_permutation(streams.begin(), streams.end()));
 }
 
 TEST(MeasurementBuffer, NothingIsDueBeforeEveryLiveStreamHasDeliveredUpToIt) {
   MeasurementBuffer buffer(options());
-  buffer.add(make(Stream::kGyro, 10 * kMs));
+  buffer.add(make(Stream::kImu, 10 * kMs));
   buffer.add(make(Stream::kVelocity, 10 * kMs));
   EXPECT_FALSE(buffer.pop()) << "stereo may still bring an older one";
   buffer.add(make(Stream::kStereo, 9 * kMs));
@@ -113,7 +113,7 @@ TEST(MeasurementBuffer, NothingIsDueBeforeEveryLiveStreamHasDeliveredUpToIt) {
   popInto(buffer, released);
   EXPECT_EQ(released,
             (std::vector<Key>{
-                {9 * kMs, Stream::kStereo}, {10 * kMs, Stream::kGyro}, {10 * kMs, Stream::kVelocity}}));
+                {9 * kMs, Stream::kStereo}, {10 * kMs, Stream::kImu}, {10 * kMs, Stream::kVelocity}}));
 }
 
 TEST(MeasurementBuffer, ASlowStreamLosesNothing) {
@@ -124,7 +124,7 @@ TEST(MeasurementBuffer, ASlowStreamLosesNothing) {
     if (t % (200 * kMs) == 20 * kMs) {
       EXPECT_EQ(buffer.add(make(Stream::kStereo, t - 20 * kMs)), Verdict::kAccepted) << t;
     }
-    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kImu, t));
     buffer.add(make(Stream::kVelocity, t));
     popInto(buffer, released);
   }
@@ -137,7 +137,7 @@ TEST(MeasurementBuffer, AStreamThatStopsDelaysTheOthersByAtMostMaxDelayPlusItsPe
   Stamp longest_held = 0;
   for (Stamp t = 0; t <= 2000 * kMs; t += 10 * kMs) {
     if (t % (100 * kMs) == 0 && t <= 1000 * kMs) buffer.add(make(Stream::kStereo, t)); // then it stops
-    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kImu, t));
     buffer.add(make(Stream::kVelocity, t));
     popInto(buffer, released);
     const Stamp held = buffer.empty() ? 0 : t - buffer.oldest();
@@ -155,7 +155,7 @@ TEST(MeasurementBuffer, AGapOfAStreamIsNotTakenForItsPeriodBeyondTheLongestOne) 
   std::vector<Key> released;
   for (Stamp t = 0; t <= 60000 * kMs; t += 10 * kMs) {
     if (t == 0 || t == 30000 * kMs) buffer.add(make(Stream::kStereo, t)); // 30 s apart, then it stops
-    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kImu, t));
     buffer.add(make(Stream::kVelocity, t));
     popInto(buffer, released);
     if (t > 31200 * kMs) {
@@ -168,7 +168,7 @@ TEST(MeasurementBuffer, AStreamThatNeverSpeaksDelaysTheStartByAtMostMaxDelayPlus
   MeasurementBuffer buffer(options());
   std::vector<Key> released;
   for (Stamp t = 0; t <= 2000 * kMs; t += 10 * kMs) {
-    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kImu, t));
     popInto(buffer, released);
     if (t < 1200 * kMs) {
       EXPECT_TRUE(released.empty()) << t;
@@ -181,11 +181,11 @@ TEST(MeasurementBuffer, AStreamThatNeverSpeaksDelaysTheStartByAtMostMaxDelayPlus
 TEST(MeasurementBuffer, AStreamThatReturnsIsWaitedForAgain) {
   MeasurementBuffer buffer(options());
   std::vector<Key> released;
-  for (Stamp t = 0; t <= 1500 * kMs; t += 10 * kMs) buffer.add(make(Stream::kGyro, t));
+  for (Stamp t = 0; t <= 1500 * kMs; t += 10 * kMs) buffer.add(make(Stream::kImu, t));
   popInto(buffer, released);
   ASSERT_TRUE(buffer.empty());
   buffer.add(make(Stream::kStereo, 1505 * kMs));
-  buffer.add(make(Stream::kGyro, 1510 * kMs));
+  buffer.add(make(Stream::kImu, 1510 * kMs));
   popInto(buffer, released);
   EXPECT_EQ(released.back(), Key(1505 * kMs, Stream::kStereo));
   EXPECT_EQ(buffer.size(), 1U);
@@ -201,7 +201,7 @@ TEST(MeasurementBuffer, AStreamThatReturnsWithALatencyLosesOneSampleAndNoMore) {
         buffer.add(make(Stream::kStereo, t - 50 * kMs)) == Verdict::kLate) {
       late.push_back(t - 50 * kMs);
     }
-    buffer.add(make(Stream::kGyro, t));
+    buffer.add(make(Stream::kImu, t));
     buffer.add(make(Stream::kVelocity, t));
     popInto(buffer, released);
   }
@@ -212,50 +212,50 @@ TEST(MeasurementBuffer, WhatAStreamSendsAfterANewerSampleOfItsOwnMayBeLate) {
   MeasurementBuffer buffer(options());
   buffer.add(make(Stream::kVelocity, 20 * kMs));
   buffer.add(make(Stream::kStereo, 20 * kMs));
-  buffer.add(make(Stream::kGyro, 12 * kMs));
+  buffer.add(make(Stream::kImu, 12 * kMs));
   std::vector<Key> released;
   popInto(buffer, released);
-  ASSERT_EQ(released, (std::vector<Key>{{12 * kMs, Stream::kGyro}}));
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 11 * kMs)), Verdict::kLate);
+  ASSERT_EQ(released, (std::vector<Key>{{12 * kMs, Stream::kImu}}));
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 11 * kMs)), Verdict::kLate);
 }
 
 TEST(MeasurementBuffer, WhatIsOlderThanTheLastReleasedIsLate) {
   MeasurementBuffer buffer(options());
-  for (const Stream stream : {Stream::kGyro, Stream::kVelocity, Stream::kStereo})
+  for (const Stream stream : {Stream::kImu, Stream::kVelocity, Stream::kStereo})
     buffer.add(make(stream, 50 * kMs));
   ASSERT_TRUE(buffer.pop());
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 49 * kMs)), Verdict::kLate);
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 49 * kMs)), Verdict::kLate);
   EXPECT_EQ(buffer.add(make(Stream::kVelocity, 49 * kMs)), Verdict::kLate);
   EXPECT_EQ(buffer.size(), 2U);
 }
 
 TEST(MeasurementBuffer, ASecondMeasurementOfAStreamAtOneStampIsADuplicate) {
   MeasurementBuffer buffer(options());
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 50 * kMs)), Verdict::kAccepted);
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 50 * kMs)), Verdict::kDuplicate) << "still held";
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 50 * kMs)), Verdict::kAccepted);
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 50 * kMs)), Verdict::kDuplicate) << "still held";
   EXPECT_EQ(buffer.add(make(Stream::kVelocity, 50 * kMs)), Verdict::kAccepted) << "another stream";
   ASSERT_TRUE(buffer.popRegardless());
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 50 * kMs)), Verdict::kDuplicate) << "already handed out";
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 50 * kMs)), Verdict::kDuplicate) << "already handed out";
   EXPECT_EQ(buffer.add(make(Stream::kStereo, 50 * kMs)), Verdict::kAccepted)
       << "equal to the last, not older";
 }
 
 TEST(MeasurementBuffer, AnOlderStampByMoreThanMaxJumpIsAJumpBackAndStoresNothing) {
   MeasurementBuffer buffer(options());
-  buffer.add(make(Stream::kGyro, 5000 * kMs));
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs - 1)), Verdict::kJumpBack);
+  buffer.add(make(Stream::kImu, 5000 * kMs));
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 4000 * kMs - 1)), Verdict::kJumpBack);
   EXPECT_EQ(buffer.size(), 1U);
   EXPECT_EQ(buffer.newest(), 5000 * kMs);
   EXPECT_EQ(buffer.oldest(), 5000 * kMs);
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs)), Verdict::kAccepted) << "exactly max_jump_s is none";
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 4000 * kMs)), Verdict::kAccepted) << "exactly max_jump_s is none";
 }
 
 TEST(MeasurementBuffer, ABoundedJumpBackOfDataAlreadyHandedOutIsLate) {
   MeasurementBuffer buffer(options());
-  buffer.add(make(Stream::kGyro, 5000 * kMs));
+  buffer.add(make(Stream::kImu, 5000 * kMs));
   ASSERT_TRUE(buffer.popRegardless());
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs)), Verdict::kLate);
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 4000 * kMs - 1)), Verdict::kJumpBack);
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 4000 * kMs)), Verdict::kLate);
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 4000 * kMs - 1)), Verdict::kJumpBack);
 }
 
 TEST(MeasurementBuffer, NeverReleasesOutOfOrderWhateverArrives) {
@@ -288,18 +288,18 @@ TEST(MeasurementBuffer, HoldsAtMostMaxSizeAndReleasesTheOldestBeyond) {
   MeasurementBuffer buffer(o);
   std::vector<Key> released;
   for (Stamp t = 1; t <= 100; ++t) {
-    buffer.add(make(Stream::kGyro, t * kMs)); // 100 ms in all: nothing would be due otherwise
+    buffer.add(make(Stream::kImu, t * kMs)); // 100 ms in all: nothing would be due otherwise
     popInto(buffer, released);
     EXPECT_LE(buffer.size(), 10U);
   }
   ASSERT_EQ(released.size(), 90U);
-  EXPECT_EQ(released.front(), Key(1 * kMs, Stream::kGyro));
-  EXPECT_EQ(released.back(), Key(90 * kMs, Stream::kGyro));
+  EXPECT_EQ(released.front(), Key(1 * kMs, Stream::kImu));
+  EXPECT_EQ(released.back(), Key(90 * kMs, Stream::kImu));
 }
 
 TEST(MeasurementBuffer, ClearForgetsEverything) {
   MeasurementBuffer buffer(options());
-  for (const Stream stream : {Stream::kGyro, Stream::kVelocity, Stream::kStereo}) {
+  for (const Stream stream : {Stream::kImu, Stream::kVelocity, Stream::kStereo}) {
     buffer.add(make(stream, 9000 * kMs));
     buffer.add(make(stream, 9001 * kMs));
   }
@@ -309,16 +309,16 @@ TEST(MeasurementBuffer, ClearForgetsEverything) {
   EXPECT_FALSE(buffer.newest());
   EXPECT_FALSE(buffer.pop());
   EXPECT_FALSE(buffer.popRegardless());
-  EXPECT_EQ(buffer.add(make(Stream::kGyro, 10 * kMs)), Verdict::kAccepted) << "neither late nor a jump back";
+  EXPECT_EQ(buffer.add(make(Stream::kImu, 10 * kMs)), Verdict::kAccepted) << "neither late nor a jump back";
   EXPECT_EQ(buffer.newest(), 10 * kMs);
   EXPECT_FALSE(buffer.pop()) << "the other streams have not spoken since the clear";
 }
 
 TEST(MeasurementBuffer, AfterAClearTheOtherStreamsAreWaitedForAtLaterStampsToo) {
   MeasurementBuffer buffer(options());
-  buffer.add(make(Stream::kGyro, 10 * kMs));
+  buffer.add(make(Stream::kImu, 10 * kMs));
   buffer.clear();
-  buffer.add(make(Stream::kGyro, 9000 * kMs));
+  buffer.add(make(Stream::kImu, 9000 * kMs));
   EXPECT_FALSE(buffer.pop());
 }
 

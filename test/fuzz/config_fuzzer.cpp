@@ -27,7 +27,7 @@ void check(const std::string& yaml) {
   SlamSystem system(config.core);
   watch(system);
   for (int i = 0; i < 3; ++i) {
-    system.add(GyroSample{fromSeconds(1e9 + 0.1 * i), {0.0, 0.0, 0.1}, {}});
+    system.add(ImuSample{fromSeconds(1e9 + 0.1 * i), {0.0, 0.0, 0.1}, {}});
     system.add(VelocitySample{fromSeconds(1e9 + 0.1 * i), {1.0, 0.0, 0.0}, {}});
     system.add(StereoFrame{fromSeconds(1e9 + 0.1 * i), {}});
   }

@@ -17,7 +17,7 @@ Config chooseConfig(FuzzBytes& bytes) {
   config.paper.landmark_fraction = 1.0;
   const std::size_t kind = bytes.below(8);
   if (kind >= 5) config.estimator = EstimatorType::kPaper;
-  if (kind == 4) config.invariant.scale_sigma = 0.03;
+  if (kind == 4) config.invariant.rig = {Eigen::Vector3d::Constant(0.02), Eigen::Vector3d::Constant(0.02), 0.01, 0.03, 0.005, {}};
   if (kind == 3) config.invariant.update.consensus = false;
   if (kind == 5) config.paper.mode = PaperMode::kDeadReckoning;
   if (kind == 6) config.paper.mode = PaperMode::kMapping;
@@ -95,7 +95,7 @@ void run(FuzzBytes bytes) {
     } else {
       now = chooseStamp(bytes, now);
       if (action < 10) {
-        system.add(GyroSample{now, chooseVector(bytes, 0.5), chooseCovariance(bytes)});
+        system.add(ImuSample{now, chooseVector(bytes, 0.5), chooseCovariance(bytes)});
       } else if (action < 18) {
         system.add(VelocitySample{now, chooseVector(bytes, 20.0), chooseCovariance(bytes)});
       } else {

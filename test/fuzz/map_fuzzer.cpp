@@ -100,7 +100,7 @@ void use(const std::shared_ptr<const SavedMap>& map, bool resume, double gap) {
   if (!resumable) system.loadMap(map, "fuzzer");
   for (int i = 0; i < kFrames; ++i) {
     const Stamp now = map->stamp + fromSeconds(gap + 0.1 * i);
-    system.add(GyroSample{now, Eigen::Vector3d::Zero(), {}});
+    system.add(ImuSample{now, Eigen::Vector3d::Zero(), {}});
     system.add(VelocitySample{now, Eigen::Vector3d::Zero(), {}});
     StereoFrame frame{now, {}};
     for (FeatureId id = 0; id < kSeen; ++id) frame.features.push_back({id, pixelsOf(id)});

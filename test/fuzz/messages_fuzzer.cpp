@@ -64,6 +64,17 @@ geometry_msgs::TwistWithCovarianceStamped chooseVelocity(FuzzBytes& bytes, ros::
   return m;
 }
 
+/// Wheel odometry: a velocity of its child frame.
+nav_msgs::Odometry chooseOdometry(FuzzBytes& bytes, ros::Time& now) {
+  nav_msgs::Odometry m;
+  m.header = chooseHeader(bytes, "odom", now);
+  m.child_frame_id = chooseFrameName(bytes, "imu");
+  m.twist.twist.linear.x = bytes.number(bytes.small(20.0));
+  m.twist.twist.angular.z = bytes.number(0.0);
+  fillCovariance(bytes, 6, m.twist.covariance);
+  return m;
+}
+
 StereoFeatureArray chooseFeatures(FuzzBytes& bytes, ros::Time& now) {
   StereoFeatureArray m;
   m.header = chooseHeader(bytes, "left", now);
@@ -75,6 +86,7 @@ StereoFeatureArray chooseFeatures(FuzzBytes& bytes, ros::Time& now) {
     f.v_left = bytes.number(100.0);
     f.u_right = f.u_left - bytes.number(5.0 + bytes.small(4.0));
     f.v_right = f.v_left + bytes.small(1.0);
+    if (bytes.below(4) == 3) f.sigma = static_cast<float>(bytes.number(1.0));
     if (bytes.below(16) != 0) ++id;
   }
   return m;
@@ -123,15 +135,17 @@ void checkMessages(const Output& output) {
 void run(FuzzBytes bytes) {
   SlamSystem system({});
   system.onFrame(checkMessages);
-  system.onGyro(checkMessages);
+  system.onImu(checkMessages);
   Intake intake(system, {}, {});
   ros::Time now(1000000000);
   for (std::size_t i = 0; i < kMostMessages && !bytes.empty(); ++i) {
     const std::size_t kind = bytes.below(32);
     if (kind < 10) {
       intake.add(chooseImu(bytes, now));
-    } else if (kind < 18) {
+    } else if (kind < 17) {
       intake.add(chooseVelocity(bytes, now));
+    } else if (kind == 17) {
+      intake.add(chooseOdometry(bytes, now));
     } else if (kind < 27) {
       intake.add(chooseFeatures(bytes, now));
     } else if (kind == 27) {

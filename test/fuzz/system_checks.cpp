@@ -56,7 +56,7 @@ void checkLandmarks(const Estimator& estimator, std::size_t most) {
 
 void watch(SlamSystem& system) {
   system.onFrame(checkOutput);
-  system.onGyro(checkOutput);
+  system.onImu(checkOutput);
 }
 
 } // namespace vi_ekf_slam::fuzz

@@ -42,7 +42,7 @@ StereoFeatureArray features() {
 }
 
 TEST(ToGyro, keeps_stamp_and_value_exactly) {
-  const auto c = toGyro(imu(), "imu_link");
+  const auto c = toImu(imu(), "imu_link");
   ASSERT_TRUE(c.sample);
   EXPECT_EQ(5123456789, c.sample->stamp);
   EXPECT_EQ(Eigen::Vector3d(0.1, 0.2, 0.3), c.sample->angular_velocity);
@@ -50,9 +50,9 @@ TEST(ToGyro, keeps_stamp_and_value_exactly) {
 
 TEST(ToGyro, zero_covariance_is_unknown_and_any_other_is_taken) {
   auto m = imu();
-  EXPECT_FALSE(toGyro(m, "imu_link").sample->covariance);
+  EXPECT_FALSE(toImu(m, "imu_link").sample->covariance);
   for (std::size_t i = 0; i < 9; ++i) m.angular_velocity_covariance[i] = static_cast<double>(i + 1);
-  const auto c = toGyro(m, "imu_link");
+  const auto c = toImu(m, "imu_link");
   ASSERT_TRUE(c.sample && c.sample->covariance);
   EXPECT_EQ(2.0, (*c.sample->covariance)(0, 1)); // row-major
   EXPECT_EQ(7.0, (*c.sample->covariance)(2, 0));
@@ -61,26 +61,44 @@ TEST(ToGyro, zero_covariance_is_unknown_and_any_other_is_taken) {
 TEST(ToGyro, says_why_it_turns_a_message_away) {
   auto m = imu();
   m.header.stamp = ros::Time();
-  EXPECT_EQ(Rejection::kZeroStamp, toGyro(m, "imu_link").rejection);
-  EXPECT_EQ(Rejection::kWrongFrame, toGyro(imu(), "other").rejection);
+  EXPECT_EQ(Rejection::kZeroStamp, toImu(m, "imu_link").rejection);
+  EXPECT_EQ(Rejection::kWrongFrame, toImu(imu(), "other").rejection);
   m = imu();
   m.header.frame_id = "";
-  EXPECT_EQ(Rejection::kWrongFrame, toGyro(m, "").rejection);
+  EXPECT_EQ(Rejection::kWrongFrame, toImu(m, "").rejection);
   m = imu();
   m.angular_velocity_covariance[0] = -1.0;
-  EXPECT_EQ(Rejection::kNoData, toGyro(m, "imu_link").rejection);
+  EXPECT_EQ(Rejection::kNoData, toImu(m, "imu_link").rejection);
   m = imu();
   m.angular_velocity.y = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(Rejection::kNotFinite, toGyro(m, "imu_link").rejection);
+  EXPECT_EQ(Rejection::kNotFinite, toImu(m, "imu_link").rejection);
   m = imu();
   m.angular_velocity_covariance[4] = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(Rejection::kNotFinite, toGyro(m, "imu_link").rejection);
+  EXPECT_EQ(Rejection::kNotFinite, toImu(m, "imu_link").rejection);
+}
+
+TEST(ToGyro, takes_an_acceleration_unless_it_is_said_not_to_be_one_or_is_zero) {
+  auto m = imu();
+  m.linear_acceleration.x = m.linear_acceleration.y = m.linear_acceleration.z = 0.0;
+  EXPECT_FALSE(toImu(m, "imu_link").sample->acceleration);
+  m.linear_acceleration.z = 9.8;
+  ASSERT_TRUE(toImu(m, "imu_link").sample->acceleration);
+  EXPECT_EQ(Eigen::Vector3d(0.0, 0.0, 9.8), *toImu(m, "imu_link").sample->acceleration);
+  EXPECT_FALSE(toImu(m, "imu_link").sample->acceleration_covariance);
+  m.linear_acceleration_covariance[0] = m.linear_acceleration_covariance[4] = 0.25;
+  m.linear_acceleration_covariance[8] = 0.5;
+  EXPECT_EQ(0.5, (*toImu(m, "imu_link").sample->acceleration_covariance)(2, 2));
+  m.linear_acceleration_covariance[0] = -1.0;
+  EXPECT_FALSE(toImu(m, "imu_link").sample->acceleration);
+  m.linear_acceleration_covariance[0] = 0.25;
+  m.linear_acceleration.y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(Rejection::kNotFinite, toImu(m, "imu_link").rejection);
 }
 
 TEST(ToGyro, a_leading_slash_of_tf1_is_the_same_frame) {
   auto m = imu();
   m.header.frame_id = "/imu_link";
-  EXPECT_TRUE(toGyro(m, "imu_link").sample);
+  EXPECT_TRUE(toImu(m, "imu_link").sample);
 }
 
 TEST(ToVelocity, takes_the_linear_block_only) {

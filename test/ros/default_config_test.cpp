@@ -1,11 +1,13 @@
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
+#include <fstream>
 #include <iomanip>
 #include <map>
 #include <sstream>
 #include <string>
 
+#include "vi_ekf_slam/core/run/rig_calibration.hpp"
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
@@ -13,7 +15,9 @@ namespace vi_ekf_slam {
 namespace {
 
 const std::string kDefault = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/default.yaml";
-constexpr std::size_t kMostKeys = 40; // one page; a switch for studies alone belongs to the section `studies`
+// One page for each of two motion models, the calibration and the front end; a switch for studies alone
+// belongs to the section `studies`.
+constexpr std::size_t kMostKeys = 55;
 
 using Fields = std::map<std::string, std::string>;
 
@@ -24,6 +28,9 @@ std::string text(const T& value) {
   return out.str();
 }
 std::string text(const Vector6d& value) { return text(value.transpose()); }
+std::string text(const ImuNoise& n) {
+  return text(Eigen::RowVector4d(n.gyro_density, n.accelerometer_density, n.gyro_walk, n.accelerometer_walk));
+}
 
 /// All that config/default.yaml sets, by key.
 Fields fieldsOf(const FullConfig& config) {
@@ -31,6 +38,14 @@ Fields fieldsOf(const FullConfig& config) {
   const auto add = [&f](const std::string& key, const auto& value) { f[key] = text(value); };
   const InvariantConfig& c = config.core.invariant;
   add("estimator", static_cast<int>(config.core.estimator));
+  add("motion", static_cast<int>(c.choice));
+  // The inertial model's velocities are those of the other one: prior_twist_sigma's first, velocity_sigma.
+  add("inertial.imu_calibration", c.inertial.noise_file);
+  add("inertial.imu_noise", c.inertial.noise);
+  add("inertial.imu_bias_sigma",
+      Eigen::RowVector2d(c.inertial.gyro_bias_sigma, c.inertial.accelerometer_bias_sigma));
+  add("inertial.gravity", c.inertial.gravity);
+  add("invariant.max_tracked", c.max_tracked);
   add("invariant.twist_density", c.motion.twist_density);
   add("invariant.bias_density", c.motion.bias_density);
   add("invariant.prior_twist_sigma", c.motion.prior_twist_sigma);
@@ -44,7 +59,12 @@ Fields fieldsOf(const FullConfig& config) {
   add("invariant.gate", c.update.gate);
   add("invariant.frame_gate", c.update.frame_gate);
   add("invariant.standstill_px", c.standstill_px);
-  add("invariant.scale_sigma", c.scale_sigma);
+  add("calibration.file", c.rig.known ? c.rig.known->baseline : 0.0);
+  add("calibration.rotation_sigma", c.rig.rotation_sigma[0]);
+  add("calibration.translation_sigma", c.rig.translation_sigma[0]);
+  add("calibration.time_offset", c.rig.time_offset);
+  add("calibration.time_offset_sigma", c.rig.time_offset_sigma);
+  add("calibration.scale_sigma", c.rig.scale_sigma);
   add("invariant.slip_sigma", c.slip.sigma);
   add("invariant.slip_rotation_sigma", c.slip.rotation_sigma);
   add("invariant.slip_length_m", c.slip.length_m);
@@ -52,7 +72,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("map.keep", static_cast<int>(c.map.keep));
   add("map.min_track_s", c.map.min_track_s);
   add("map.max_landmarks", c.map.max_landmarks);
-  add("map.recognise_places", c.recognise_places);
+  add("map.recognise_places", static_cast<int>(c.recognise_places));
   add("buffer.max_delay_s", config.core.buffer.max_delay_s);
   add("buffer.max_jump_s", config.core.buffer.max_jump_s);
   add("buffer.max_gap_s", config.core.buffer.max_gap_s);
@@ -65,12 +85,36 @@ Fields fieldsOf(const FullConfig& config) {
   add("ros.publish_odom_tf", config.ros.publish_odom_tf);
   add("ros.single_tf", config.ros.single_tf);
   add("ros.transform_tolerance", config.ros.transform_tolerance);
+  add("ros.odometry_rate", static_cast<int>(config.ros.odometry_rate));
   add("ros.path_period_s", config.ros.path_period_s);
   add("ros.max_bandwidth_bytes_s", config.ros.max_bandwidth_bytes_s);
   add("ros.landmark_period_s", config.ros.landmark_period_s);
   add("ros.max_features", config.ros.max_features);
   add("ros.max_latency_s", config.ros.max_latency_s);
+  add("front_end.features", config.front_end.features);
+  add("front_end.images", static_cast<int>(config.front_end.images));
+  add("front_end.pair_tolerance_s", config.front_end.pair_tolerance_s);
   return f;
+}
+
+/// A calibration of the noise that holds without one: its name is all that it changes.
+std::string defaultNoiseFile() {
+  const std::string path = testing::TempDir() + "vi_ekf_slam_default_imu.yaml";
+  const ImuNoise n;
+  std::ofstream(path) << "accelerometer_noise_density: " << text(n.accelerometer_density)
+                      << "\naccelerometer_random_walk: " << text(n.accelerometer_walk)
+                      << "\ngyroscope_noise_density: " << text(n.gyro_density)
+                      << "\ngyroscope_random_walk: " << text(n.gyro_walk) << "\n";
+  return path;
+}
+
+/// A calibration that changes what the rig is told to be, and nothing else of a configuration.
+std::string exampleRigFile() {
+  const std::string path = testing::TempDir() + "vi_ekf_slam_default_rig.yaml";
+  RigEstimate known;
+  known.rig.camera.baseline = 0.5;
+  std::ofstream(path) << rigCalibrationText(known);
+  return path;
 }
 
 /// Each key of the file with another value than its own, which is allowed too, as a document of that key
@@ -90,12 +134,21 @@ std::map<std::string, std::string> changesOf(const YAML::Node& file) {
       } else if (YAML::convert<bool>::decode(value, flag)) {
         changed = flag ? "false" : "true";
       } else if (name == "map") {
-        changed = "all";
+        changed = entry.first.Scalar() == "keep" ? "all" : "constellation";
+      } else if (name == "front_end") {
+        changed = "raw";
+      } else if (entry.first.Scalar() == "odometry_rate") {
+        changed = "frame";
+      } else if (entry.first.Scalar() == "imu_calibration") {
+        changed = defaultNoiseFile();
+      } else if (entry.first.Scalar() == "file") {
+        changed = exampleRigFile();
       }
       changes[name + "." + entry.first.Scalar()] = name + ": {" + entry.first.Scalar() + ": " + changed + "}";
     }
   }
   changes["estimator"] = "estimator: paper";
+  changes["motion"] = "motion: inertial";
   return changes;
 }
 

@@ -9,6 +9,7 @@
 #include "vi_ekf_slam/ros/input/velocity_frames.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/node/told_pose.hpp"
+#include "vi_ekf_slam/ros/node/told_state.hpp"
 #include "vi_ekf_slam/ros/output/base_frame.hpp"
 #include "vi_ekf_slam/ros/output/foreign_odometry.hpp"
 #include "vi_ekf_slam/ros/output/smooth_odometry.hpp"
@@ -71,8 +72,8 @@ class Base : public testing::Test {
 
 TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
   BaseFrame base(frames_, {});
-  EXPECT_FALSE(base.update(""));
-  ASSERT_TRUE(base.update("imu_link"));
+  EXPECT_FALSE(base.update("", false));
+  ASSERT_TRUE(base.update("imu_link", false));
   EXPECT_EQ("imu_link", base.name());
   EXPECT_EQ(kWorldTImu.matrix(), base.pose(kWorldTImu).matrix());
   EXPECT_TRUE(base.hasForeignParent());
@@ -81,7 +82,7 @@ TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
 
 TEST_F(Base, begins_the_map_where_it_began) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link"));
+  ASSERT_TRUE(base.update("imu_link", false));
   EXPECT_EQ("", base.problem());
   expectNear(SE3(), base.pose(SE3()), 1e-12);
   expectNear(kBaseTImu * kWorldTImu * kBaseTImu.inverse(), base.pose(kWorldTImu), 1e-12);
@@ -94,9 +95,63 @@ TEST_F(Base, begins_the_map_where_it_began) {
   EXPECT_LT((base.pose(kWorldTImu).inverse() * moved[0].position - from_base).norm(), 1e-12);
 }
 
-TEST_F(Base, has_the_covariance_of_its_own_pose) {
+TEST_F(Base, keeps_the_z_axis_of_a_world_that_has_it_up) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link"));
+  ASSERT_TRUE(base.update("imu_link", true));
+  EXPECT_LT((base.mapFromWorld().rotation().col(2) - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  // The IMU begins at the world's origin without a heading, as a level base has it.
+  Eigen::Matrix3d world_R_imu = kBaseTImu.rotation();
+  world_R_imu = so3::Exp(Eigen::Vector3d(0.0, 0.0, -so3::heading(world_R_imu))) * world_R_imu;
+  expectNear(SE3(), base.pose(SE3(world_R_imu, Eigen::Vector3d::Zero())), 1e-12);
+  expectNear(kWorldTImu, base.imuPose(base.pose(kWorldTImu)), 1e-12);
+  LandmarkEstimate landmark;
+  landmark.position = {5.0, 6.0, 7.0};
+  const Eigen::Vector3d from_base = kBaseTImu * (kWorldTImu.inverse() * landmark.position);
+  const auto moved = base.landmarks({landmark});
+  EXPECT_LT((base.pose(kWorldTImu).inverse() * moved[0].position - from_base).norm(), 1e-12);
+}
+
+TEST_F(Base, takes_a_told_state_of_the_map_into_the_world) {
+  BaseFrame base(frames_, config_);
+  ASSERT_TRUE(base.update("imu_link", true));
+  const SE3 map_T_imu = base.mapFromWorld() * kWorldTImu;
+  const Eigen::Matrix3d& R = base.mapFromWorld().rotation();
+  SetState::Request request;
+  request.header.frame_id = "map";
+  request.header.stamp = ros::Time(12.5);
+  request.pose = conversions::toPose(map_T_imu);
+  request.velocity.x = 3.0;
+  request.gyro_bias.y = 0.01;
+  request.accelerometer_bias.z = 0.1;
+  Eigen::Matrix<double, 15, 15, Eigen::RowMajor> P = decltype(P)::Identity();
+  P.topLeftCorner<6, 6>() = anyCovariance();
+  P(6, 6) = 9.0;
+  P(0, 6) = P(6, 0) = 0.5;
+  Eigen::Map<decltype(P)>(request.covariance.data()) = P;
+  InitialState state;
+  ASSERT_EQ("", readToldState(request, "map", base, state));
+  EXPECT_EQ(fromSeconds(12.5), state.stamp);
+  expectNear(kWorldTImu, state.world_T_imu, 1e-9);
+  EXPECT_LT((R * state.velocity - Eigen::Vector3d(3.0, 0.0, 0.0)).norm(), 1e-12);
+  EXPECT_EQ(0.01, state.gyro_bias.y());
+  EXPECT_EQ(0.1, state.accelerometer_bias.z());
+  // Errors along the map's axes are those along the world's, turned.
+  const auto block = [](const auto& m, Eigen::Index row, Eigen::Index col) {
+    return Eigen::Matrix3d(m.template block<3, 3>(row, col));
+  };
+  for (const Eigen::Index row : {0, 3, 6}) {
+    for (const Eigen::Index col : {0, 3, 6})
+      EXPECT_LT((R * block(state.covariance, row, col) * R.transpose() - block(P, row, col)).norm(), 1e-9);
+  }
+  EXPECT_LT((block(state.covariance, 9, 9) - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+}
+
+class BaseOfWorld : public Base, public testing::WithParamInterface<bool> {};
+INSTANTIATE_TEST_SUITE_P(Worlds, BaseOfWorld, testing::Bool());
+
+TEST_P(BaseOfWorld, has_the_covariance_of_its_own_pose) {
+  BaseFrame base(frames_, config_);
+  ASSERT_TRUE(base.update("imu_link", GetParam()));
   StateEstimate state;
   state.world_T_imu = kWorldTImu;
   state.pose_covariance = anyCovariance();
@@ -111,9 +166,9 @@ TEST_F(Base, has_the_covariance_of_its_own_pose) {
             1e-9);
 }
 
-TEST_F(Base, has_the_twist_of_its_own_origin) {
+TEST_P(BaseOfWorld, has_the_twist_of_its_own_origin) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link"));
+  ASSERT_TRUE(base.update("imu_link", GetParam()));
   StateEstimate state;
   state.world_T_imu = kWorldTImu;
   state.twist << 2.0, 0.1, -0.2, 0.3, -0.4, 0.5;
@@ -135,10 +190,10 @@ TEST_F(Base, has_the_twist_of_its_own_origin) {
 TEST_F(Base, says_what_is_missing) {
   config_.base_frame = "chassis";
   BaseFrame base(frames_, config_);
-  EXPECT_FALSE(base.update("imu_link"));
+  EXPECT_FALSE(base.update("imu_link", false));
   EXPECT_NE(std::string::npos, base.problem().find("'chassis'")) << base.problem();
   frames_.add(transform(pose(1e6, 0, 0, 0, 0, 0), "chassis", "base_link", 1), true);
-  EXPECT_FALSE(base.update("imu_link")) << "a vehicle is not that large";
+  EXPECT_FALSE(base.update("imu_link", false)) << "a vehicle is not that large";
 }
 
 TEST_F(Base, is_told_where_it_is) {
@@ -148,7 +203,7 @@ TEST_F(Base, is_told_where_it_is) {
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
   ToldPose told;
   EXPECT_NE("", readToldPose(message, "map", base, SE3(), told)) << "the base is not known";
-  ASSERT_TRUE(base.update("imu_link"));
+  ASSERT_TRUE(base.update("imu_link", false));
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
   ASSERT_EQ("", readToldPose(message, "map", base, SE3(), told));
   expectNear(kWorldTImu, told.world_T_imu, 1e-9);
@@ -181,10 +236,13 @@ TEST(SmoothOdometryTest, goes_on_over_a_new_start) {
   EXPECT_NEAR(0.0, odometry.motionSince(0 - 1).translation().x(), 1e-9);
   odometry.restart();
   EXPECT_EQ(SE3().matrix(), odometry.motionSince(fromSeconds(7.0)).matrix());
-  state.stamp = fromSeconds(3.0); // time may go back
-  const StateEstimate after = odometry.update(SE3(), state);
+  state.stamp = fromSeconds(3.0);                                 // time may go back
+  const StateEstimate after = odometry.update(kWorldTImu, state); // a start may be anywhere
   expectNear(before.world_T_imu, after.world_T_imu, 1e-12);
   EXPECT_EQ(before.pose_covariance, after.pose_covariance);
+  state.stamp = fromSeconds(3.5);
+  const SE3 motion = SE3::Exp(0.5 * Vector6d::Unit(1));
+  expectNear(before.world_T_imu * motion, odometry.update(kWorldTImu * motion, state).world_T_imu, 1e-12);
 }
 
 TEST(ForeignOdometryTest, waits_for_the_transform_of_the_same_stamp) {
@@ -251,7 +309,7 @@ TEST_F(Velocities, do_not_say_what_the_frame_of_the_imu_is) {
   intake_.add(imu("imu_link", 1.0));
   EXPECT_EQ("imu_link", intake_.imuFrame());
   intake_.addTransforms(transform(kBaseTImu, "base_link", "imu_link", 1), true);
-  EXPECT_EQ(1U, processed(Stream::kGyro));
+  EXPECT_EQ(1U, processed(Stream::kImu));
   EXPECT_EQ(1U, processed(Stream::kVelocity));
 }
 

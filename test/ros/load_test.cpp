@@ -32,7 +32,7 @@ class Queue : public testing::Test {
 
 TEST_F(Queue, keeps_the_order_of_arrival) {
   WorkQueue queue({0.3, 100});
-  push(queue, 'g', Stream::kGyro);
+  push(queue, 'g', Stream::kImu);
   push(queue, 'f', Stream::kStereo);
   push(queue, 'c', std::nullopt);
   push(queue, 'v', Stream::kVelocity);
@@ -43,7 +43,7 @@ TEST_F(Queue, sheds_old_frames_the_oldest_first_and_never_the_newest_nor_anythin
   WorkQueue queue({0.05, 100});
   push(queue, '0', Stream::kStereo);
   for (const char frame : {'1', '2', '3'}) {
-    push(queue, 'g', Stream::kGyro);
+    push(queue, 'g', Stream::kImu);
     push(queue, 'v', Stream::kVelocity);
     push(queue, frame, Stream::kStereo);
   }
@@ -76,24 +76,36 @@ TEST_F(Queue, sheds_nothing_that_is_young_or_when_told_not_to) {
   EXPECT_EQ("abab", done_);
 }
 
+TEST_F(Queue, wants_fewer_features_of_a_frame_once_one_has_waited) {
+  WorkQueue queue({0.05, 100, 200});
+  EXPECT_EQ(200U, queue.featureLimit());
+  push(queue, 'g', Stream::kImu);
+  push(queue, 'f', Stream::kStereo);
+  std::this_thread::sleep_for(milliseconds(100));
+  ASSERT_TRUE(queue.pop(0.0));
+  EXPECT_EQ(200U, queue.featureLimit());
+  ASSERT_TRUE(queue.pop(0.0));
+  EXPECT_EQ(100U, queue.featureLimit());
+}
+
 TEST_F(Queue, is_bounded_frames_go_first_and_losses_are_counted) {
   WorkQueue queue({0.0, 3});
-  push(queue, 'g', Stream::kGyro);
+  push(queue, 'g', Stream::kImu);
   push(queue, 'f', Stream::kStereo);
   push(queue, 'c', std::nullopt);
-  push(queue, 'h', Stream::kGyro);     // f goes
+  push(queue, 'h', Stream::kImu);      // f goes
   push(queue, 'v', Stream::kVelocity); // g goes
   EXPECT_EQ("chv", takeAll(queue, done_));
   const auto overflow = queue.counts().overflow;
-  EXPECT_EQ(1U, overflow[static_cast<std::size_t>(Stream::kGyro)]);
+  EXPECT_EQ(1U, overflow[static_cast<std::size_t>(Stream::kImu)]);
   EXPECT_EQ(1U, overflow[static_cast<std::size_t>(Stream::kStereo)]);
 }
 
 TEST_F(Queue, closed_takes_nothing_more_but_gives_what_it_holds) {
   WorkQueue queue({0.0, 10});
-  push(queue, 'a', Stream::kGyro);
+  push(queue, 'a', Stream::kImu);
   queue.close();
-  EXPECT_FALSE(queue.push([] {}, Stream::kGyro));
+  EXPECT_FALSE(queue.push([] {}, Stream::kImu));
   EXPECT_EQ("a", takeAll(queue, done_));
   EXPECT_EQ(0U, queue.clear());
 }
@@ -118,13 +130,13 @@ TEST(Load, fewer_features_while_frames_wait_and_more_again_when_they_do_not) {
 TEST(Latency, is_from_arrival_to_result_of_the_same_stamp) {
   LatencyMeter meter;
   const auto now = WorkQueue::Clock::now();
-  meter.noteArrival(Stream::kGyro, 1, now - milliseconds(500));
-  meter.noteArrival(Stream::kGyro, 2, now - milliseconds(100));
+  meter.noteArrival(Stream::kImu, 1, now - milliseconds(500));
+  meter.noteArrival(Stream::kImu, 2, now - milliseconds(100));
   meter.noteArrival(Stream::kStereo, 2, now - milliseconds(300));
   meter.noteResult(Stream::kStereo, 2);
-  meter.noteResult(Stream::kGyro, 2);
-  meter.noteResult(Stream::kGyro, 1); // overtaken
-  meter.noteResult(Stream::kGyro, 7); // never arrived
+  meter.noteResult(Stream::kImu, 2);
+  meter.noteResult(Stream::kImu, 1); // overtaken
+  meter.noteResult(Stream::kImu, 7); // never arrived
   const auto summary = meter.take();
   EXPECT_EQ(2U, summary.results);
   EXPECT_NEAR(0.3, summary.max_s, 0.05);

@@ -16,6 +16,7 @@
 #include <limits>
 
 #include "../core/numeric.hpp"
+#include "vi_ekf_slam/MapDescriptors.h"
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/ros/conversions.hpp"
@@ -318,6 +319,52 @@ TEST_F(MapFile, OtherTopicsAndTypesAreRefused) {
     for (int i = 0; i < 2; ++i) bag.write("map", ros::Time(1.0), MapState());
   }
   expectRefusal({"topic map", "2 messages"});
+}
+
+/// A descriptor whose bytes are all `byte`.
+Descriptor uniform(std::uint8_t byte) {
+  Descriptor descriptor;
+  descriptor.fill(byte);
+  return descriptor;
+}
+
+TEST_F(MapFile, KeepsWhatLandmarksLookLike) {
+  SavedMap map = example();
+  map.landmarks[1].descriptors.add(uniform(0x0f));
+  map.landmarks[3].descriptors.add(uniform(0xff));
+  map.landmarks[3].descriptors.add(uniform(0x00));
+  writeMapFile(path_, map, "map");
+  const SavedMap again = readMapFile(path_);
+  ASSERT_EQ(again.landmarks.size(), map.landmarks.size());
+  for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
+    const DescriptorSet &expected = map.landmarks[i].descriptors, &looks = again.landmarks[i].descriptors;
+    ASSERT_EQ(looks.size(), expected.size()) << i;
+    for (std::size_t k = 0; k < looks.size(); ++k) EXPECT_EQ(looks[k], expected[k]);
+  }
+}
+
+TEST_F(MapFile, RefusesLooksThatAreNone) {
+  const auto put = [&](FeatureId id, std::size_t bytes, int times) {
+    writeMapFile(path_, example(), "map");
+    rosbag::Bag bag(path_, rosbag::bagmode::Append);
+    MapDescriptors looks;
+    looks.id = id;
+    looks.descriptors.assign(bytes, 7);
+    for (int i = 0; i < times; ++i) bag.write("descriptors", ros::Time(1000, 1), looks);
+  };
+  const FeatureId id = example().landmarks.front().id;
+  put(id, 32, 1);
+  EXPECT_EQ(readMapFile(path_).landmarks.front().descriptors.size(), 1u);
+  put(5, 32, 1);
+  expectRefusal({"descriptors.id is 5", "the id of a landmark"});
+  put(id, 31, 1);
+  expectRefusal({"31 bytes", "1 to 4 times 32"});
+  put(id, 5 * 32, 1);
+  expectRefusal({"160 bytes"});
+  put(id, 0, 1);
+  expectRefusal({"0 bytes"});
+  put(id, 32, 2);
+  expectRefusal({"there twice", "once"});
 }
 
 } // namespace

@@ -89,7 +89,7 @@ TEST_F(MapStoreFolder, LooksForThePlaceInAMapOfAnotherMotionModel) {
   SlamSystem system({});
   MapStore(resuming()).begin(system);
   const Stamp soon = map_.stamp + fromSeconds(0.1); // as resuming would need it
-  system.add(GyroSample{soon, Eigen::Vector3d::Zero(), {}});
+  system.add(ImuSample{soon, Eigen::Vector3d::Zero(), {}});
   system.flush();
   EXPECT_EQ(system.estimator().mapUse(), MapUse::kWaiting);
   EXPECT_TRUE(fs::exists(at("map.bag"))) << "it is not broken";
@@ -119,7 +119,7 @@ TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
     MapStore store({directory_, "", resume, "map"});
     system.loadMap(store.load({}), store.source());
     store.noteLoaded(store.source());
-    system.add(GyroSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
+    system.add(ImuSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
     system.flush();
     EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator(), store.savedPath())), resume)
         << "a copy is in before_resume_N";

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
 #include "vi_ekf_slam/ros/output/output_sequencer.hpp"
@@ -42,6 +44,30 @@ TEST_F(Sequencer, other_gyro_results_leave_in_order) {
   EXPECT_EQ((std::vector<std::pair<Stamp, bool>>{{1, false}, {2, false}, {3, true}, {4, false}}), sent_);
 }
 
+TEST_F(Sequencer, at_the_rate_of_frames_gyro_results_leave_only_while_no_frame_comes) {
+  std::vector<std::pair<Stamp, bool>> sent;
+  OutputSequencer sequencer(
+      [&sent](const Output& o, bool is_frame) { sent.emplace_back(o.state.stamp / 100000000, is_frame); },
+      OdometryRate::kFrame);
+  const auto send = [&sequencer](std::initializer_list<int> tenths, bool is_frame) {
+    for (const int tenth : tenths) {
+      const Output output = at(tenth * Stamp{100000000});
+      is_frame ? sequencer.addFrame(output) : sequencer.addGyro(output);
+      sequencer.endOfDrain();
+    }
+  };
+  send({1000}, false); // no frame yet
+  send({1001}, true);
+  send({1002, 1011}, false);
+  send({1012, 1013}, false); // the camera has stopped
+  send({1014}, true);
+  send({1015}, false);
+  send({500}, false); // time went back
+  using Sent = std::vector<std::pair<Stamp, bool>>;
+  EXPECT_EQ((Sent{{1000, false}, {1001, true}, {1012, false}, {1013, false}, {1014, true}, {500, false}}),
+            sent);
+}
+
 SE3 position(double x) { return {Eigen::Matrix3d::Identity(), {x, 0.0, 0.0}}; }
 
 TEST(PathRecorder, keeps_points_a_distance_apart) {
@@ -77,7 +103,7 @@ std::vector<LandmarkEstimate> landmarks(std::size_t count) {
 }
 
 TEST(Markers, are_split_above_the_limit_of_rviz_and_surplus_ones_deleted) {
-  const MarkerStyle style{"map", 0.2, 2.0};
+  const MarkerStyle style{"map", 0.2};
   const auto many = toMarkers(landmarks(kMaxPointsPerMarker + 5), 9, style, 0);
   ASSERT_EQ(2U, many.markers.size());
   EXPECT_EQ(kMaxPointsPerMarker, many.markers[0].points.size());
@@ -89,10 +115,17 @@ TEST(Markers, are_split_above_the_limit_of_rviz_and_surplus_ones_deleted) {
   EXPECT_EQ(Marker::DELETE, few.markers[1].action);
 }
 
-TEST(Markers, colour_says_how_well_a_landmark_is_known) {
-  const auto array = toMarkers(landmarks(1), 9, {"map", 0.2, 2.0}, 0); // sigma is 1 m
-  EXPECT_FLOAT_EQ(0.5F, array.markers[0].colors[0].r);
-  EXPECT_FLOAT_EQ(0.5F, array.markers[0].colors[0].g);
+TEST(Markers, colour_is_logarithmic_in_how_well_a_landmark_is_known) {
+  const std::pair<double, float> cases[] = {
+      {0.0, 0.0F}, {0.01, 0.0F}, {0.1, 0.0F}, {std::sqrt(0.1), 0.25F},
+      {1.0, 0.5F}, {10.0, 1.0F}, {1e3, 1.0F}}; // sigma in m, share of red
+  for (const auto& [sigma, red] : cases) {
+    auto all = landmarks(1);
+    all[0].covariance *= sigma * sigma;
+    const auto colour = toMarkers(all, 9, {"map", 0.2}, 0).markers[0].colors[0];
+    EXPECT_NEAR(red, colour.r, 1e-6) << sigma << " m";
+    EXPECT_NEAR(1.0F - red, colour.g, 1e-6) << sigma << " m";
+  }
 }
 
 TEST(Cloud, carries_position_uncertainty_and_the_whole_id) {
@@ -109,6 +142,7 @@ TEST(Cloud, carries_position_uncertainty_and_the_whole_id) {
   EXPECT_EQ(1.0F, field("x", 1, 0.0F));
   EXPECT_EQ(2.0F, field("z", 1, 0.0F));
   EXPECT_EQ(1.0F, field("sigma", 1, 0.0F));
+  EXPECT_EQ(0.0F, field("log10_sigma", 1, 1.0F));
   EXPECT_EQ(1U, field("id", 1, 0U));
   EXPECT_EQ(1U << 8U, field("id_high", 1, 0U));
 }

@@ -96,6 +96,28 @@ TEST_F(Rig, takes_imu_points_to_the_left_optical_frame) {
   EXPECT_LT((p - Eigen::Vector3d(-2.0, -1.0, 10.0)).norm(), 1e-12);
 }
 
+TEST_F(Rig, carries_the_transform_to_the_rectified_camera_by_R) {
+  auto left = info(false);
+  const double c = std::cos(0.1), s = std::sin(0.1);
+  left.R = {c, 0.0, -s, 0.0, 1.0, 0.0, s, 0.0, c}; // 0.1 rad about y
+  addAll(left, info(true));
+  ASSERT_TRUE(rig_.rig());
+  // (-2, -1, 10) in the camera as it is mounted.
+  const Eigen::Vector3d p = rig_.rig()->cam_T_imu * Eigen::Vector3d(10.4, 2.0, 1.0);
+  EXPECT_LT((p - Eigen::Vector3d(-2.0 * c - 10.0 * s, -1.0, -2.0 * s + 10.0 * c)).norm(), 1e-12);
+  EXPECT_FALSE(rig_.changedLater());
+  left.R[1] = 1e-3;
+  rig_.addLeft(left);
+  EXPECT_TRUE(rig_.changedLater());
+}
+
+TEST_F(Rig, refuses_an_R_that_is_no_rotation) {
+  auto right = info(true);
+  right.R[0] = 1.0;
+  addAll(info(false), right);
+  EXPECT_TRUE(complainsOf("R of /right must be a rotation"));
+}
+
 TEST_F(Rig, names_every_missing_piece) {
   EXPECT_TRUE(complainsOf("/left"));
   EXPECT_TRUE(complainsOf("/right"));

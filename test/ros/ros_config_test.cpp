@@ -4,6 +4,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <array>
+#include <cmath>
 
 #include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
 
@@ -83,8 +84,10 @@ TEST(ToYaml, parses_to_the_same_values) {
   tree["paper"]["step_s"] = 0.1 + 0.2;
   tree["ros"]["publish_tf"] = false;
   tree["ros"]["map_frame"] = "a \"b\"";
-  tree["output_dir"] = "/somewhere";
-  const auto c = parseFullConfig(toYaml(tree, {"output_dir"}), "parameters");
+  tree["ros"]["odom_frame"] = "a: #b\n---\n{";
+  tree["ros"]["base_frame"] = "";
+  tree["map"]["max_landmarks"] = "1000";
+  const auto c = parseFullConfig(YAML::Dump(toYaml(tree)), "parameters");
   EXPECT_EQ(1.0, c.core.paper.motion_noise[0]);
   EXPECT_EQ(0.1, c.core.paper.motion_noise[5]);
   EXPECT_EQ(5e9, c.core.paper.pixel_noise);
@@ -92,15 +95,21 @@ TEST(ToYaml, parses_to_the_same_values) {
   EXPECT_EQ(0.1 + 0.2, c.core.paper.step_s); // all digits
   EXPECT_FALSE(c.ros.publish_tf);
   EXPECT_EQ("a \"b\"", c.ros.map_frame);
+  EXPECT_EQ("a: #b\n---\n{", c.ros.odom_frame);
+  EXPECT_EQ("", c.ros.base_frame);
+  EXPECT_EQ(1000U, c.core.invariant.map.max_landmarks);
 }
 
 TEST(ToYaml, does_not_hide_a_wrong_type) {
   XmlRpc::XmlRpcValue tree;
   tree["ros"]["publish_tf"] = "yes please";
-  EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
+  EXPECT_THROW(parseFullConfig(YAML::Dump(toYaml(tree)), "parameters"), ConfigError);
   tree["ros"]["publish_tf"] = true;
-  tree["paper"]["pixel_noise"] = true;
-  EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
+  for (const XmlRpc::XmlRpcValue& wrong : {XmlRpc::XmlRpcValue(true), XmlRpc::XmlRpcValue(std::nan("")),
+                                           XmlRpc::XmlRpcValue(HUGE_VAL), XmlRpc::XmlRpcValue("")}) {
+    tree["paper"]["pixel_noise"] = wrong;
+    EXPECT_THROW(parseFullConfig(YAML::Dump(toYaml(tree)), "parameters"), ConfigError);
+  }
 }
 
 } // namespace

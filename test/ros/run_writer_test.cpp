@@ -129,6 +129,10 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   summary.counts.blind_s = 2.5;
   summary.turned_away["imu: wrong frame"] = 4;
   summary.noise = {{"gyro", 0.05, "rad/s", "from its messages"}, {"pixels", 1.15, "px", "a \"key\": so"}};
+  summary.motion = "inertial, the IMU's messages carry accelerations";
+  summary.not_started = "gravity is not explained: 1 m/s^2";
+  summary.counts.frames_before_start = 7;
+  summary.imu = {1, 2, 3};
   writer_.writeSummary(directory_, summary, 1);
   const YAML::Node node = YAML::LoadFile(directory_ + "/summary.yaml");
   EXPECT_EQ(summary.input, node["input"].as<std::string>());
@@ -139,6 +143,12 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   EXPECT_DOUBLE_EQ(2.5, node["blind_s"].as<double>());
   EXPECT_EQ(4, node["turned_away"]["imu: wrong frame"].as<int>());
   EXPECT_DOUBLE_EQ(2.0, node["times_real_time"].as<double>());
+  EXPECT_EQ(summary.motion, node["motion"].as<std::string>());
+  EXPECT_EQ(summary.not_started, node["not_started"].as<std::string>());
+  EXPECT_EQ(7, node["frames_before_start"].as<int>());
+  EXPECT_EQ(1, node["imu"]["stutters"].as<int>());
+  EXPECT_EQ(2, node["imu"]["backwards"].as<int>());
+  EXPECT_EQ(3, node["imu"]["stops"].as<int>());
   EXPECT_EQ(2U, node["noise"].size());
   EXPECT_EQ(0.05, node["noise"]["gyro"]["value"].as<double>());
   EXPECT_EQ("rad/s", node["noise"]["gyro"]["unit"].as<std::string>());

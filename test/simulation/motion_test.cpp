@@ -22,7 +22,7 @@ double deadReckoningError(const DriveOptions& options) {
   double worst = 0.0;
   for (const DriveStep& step : simulateDrive(options).steps) {
     for (const Measurement& measurement : measurementsOf(step)) {
-      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+      if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
         dead_reckoning.process(*gyro);
       } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
         dead_reckoning.process(*velocity);

@@ -34,7 +34,7 @@ Closures drive(std::uint64_t seed, double laps, bool recognise, bool repaired = 
   options.gyro_sigma = 0.1; // to be less sure of where it is
   Config config;
   config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0; // its tracks do not slip
-  config.invariant.recognise_places = recognise;
+  config.invariant.recognise_places = recognise ? PlaceRecognition::kConstellation : PlaceRecognition::kNone;
   DriveSimulator simulator(options);
   const auto estimator = makeEstimator(config);
   estimator->setRig(simulator.rig());
@@ -44,7 +44,7 @@ Closures drive(std::uint64_t seed, double laps, bool recognise, bool repaired = 
   while (std::optional<DriveStep> step = simulator.next()) {
     if (repaired) stale.repair(*step);
     for (const Measurement& measurement : measurementsOf(*step)) {
-      if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+      if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
         estimator->process(*gyro);
       } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
         estimator->process(*velocity);

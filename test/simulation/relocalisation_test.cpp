@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -22,11 +23,12 @@ namespace {
 constexpr std::uint64_t kSeeds = kSanitized ? 1 : 4;
 
 /// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
-/// with their ids.
-Drive twoLaps(std::uint64_t seed) {
+/// with their ids or, `by_looks`, with descriptors alone.
+Drive twoLaps(std::uint64_t seed, bool by_looks = false) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.seed = seed;
-  options.ids_return = true;
+  options.ids_return = !by_looks;
+  options.descriptors = by_looks;
   options.strength_spread = 3.0;
   Drive laps = simulateDrive(options);
   StaleRepair stale;
@@ -103,6 +105,42 @@ TEST(Relocalisation, FindsThePlaceWithAnHonestCovariance) {
   RecordProperty("worst_error_mm", static_cast<int>(1e3 * worst));
   std::cout << "mean NEES " << nees << " (up to " << chiSquareMeanBounds(6, kSeeds).second
             << "), worst error " << worst << " m\n";
+}
+
+/// Ids that are given out anew, as by a front end that was started again: they say nothing about the map.
+Drive renumbered(Drive laps, std::size_t from) {
+  std::map<FeatureId, FeatureId> ids;
+  for (std::size_t i = from; i < laps.steps.size(); ++i) {
+    for (StereoFeatureObservation& f : laps.steps[i].frame.features)
+      f.id = ids.emplace(f.id, ids.size()).first->second;
+  }
+  return laps;
+}
+
+TEST(Relocalisation, FindsThePlaceByLooksAloneWithAnHonestCovariance) {
+  double nees = 0.0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const Drive laps = twoLaps(seed, true);
+    const auto map = mapOfTheFirstLap(laps);
+    const SecondLap lap = driveTheSecondLap(renumbered(laps, laps.steps.size() / 2), map);
+    ASSERT_TRUE(lap.frames_before) << seed;
+    EXPECT_LT(*lap.frames_before, 300U) << seed; // of about 600
+    EXPECT_EQ(lap.use, MapUse::kRelocalised) << seed;
+    EXPECT_LT(lap.last_error, 3.0) << seed;
+    std::cout << "seed " << seed << ": after " << *lap.frames_before << " frames, NEES " << lap.nees
+              << ", at the end " << lap.last_error << " m\n";
+    nees += lap.nees / kSeeds;
+  }
+  EXPECT_LT(nees, chiSquareMeanBounds(6, kSeeds).second);
+}
+
+TEST(Relocalisation, DoesNotTakeAnotherStreetForItsOwnByItsLooks) {
+  for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
+    const Drive laps = twoLaps(seed, true);
+    const SecondLap lap = driveTheSecondLap(renumbered(laps, laps.steps.size() / 2),
+                                            mapOfTheFirstLap(twoLaps(seed + 100, true)));
+    EXPECT_EQ(lap.relocalisations, 0U) << seed;
+  }
 }
 
 TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {

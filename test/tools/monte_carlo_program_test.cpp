@@ -66,32 +66,52 @@ TEST(MonteCarloOptions, RatesArePaired) {
 }
 
 TEST(MonteCarloOptions, RefuseWhatCannotBe) {
-  const std::vector<std::vector<const char*>> refused = {{"--seeds", "0"},
-                                                         {"--seeds", "-1"},
-                                                         {"--seeds", "x"},
-                                                         {"--seeds"},
-                                                         {"--jobs", "0"},
-                                                         {"--motion", "boat"},
-                                                         {"--set", "speed"},
-                                                         {"--set", "speed=fast"},
-                                                         {"--set", "seed=3"},
-                                                         {"--set", "colour=red"},
-                                                         {"--check", "7"},
-                                                         {"--check", "7,5"},
-                                                         {"--check", "5,7x"},
-                                                         {"--check", ","},
-                                                         {"--frame-rates", ""},
-                                                         {"--frame-rates", "5,"},
-                                                         {"--frame-rates", "5,x"},
-                                                         {"--frame-rates", "0"},
-                                                         {"--imu-rates", "10,0.1"},
-                                                         {"--imu-rates", "10", "--plot"},
-                                                         {"--nothing", "1"},
-                                                         {"stray"},
-                                                         {"--motion", "process", "--set", "ids-return=true"}};
+  const std::vector<std::vector<const char*>> refused = {
+      {"--seeds", "0"},
+      {"--seeds", "-1"},
+      {"--seeds", "x"},
+      {"--seeds"},
+      {"--jobs", "0"},
+      {"--motion", "boat"},
+      {"--set", "speed"},
+      {"--set", "speed=fast"},
+      {"--set", "seed=3"},
+      {"--set", "colour=red"},
+      {"--check", "7"},
+      {"--check", "7,5"},
+      {"--check", "5,7x"},
+      {"--check", ","},
+      {"--frame-rates", ""},
+      {"--frame-rates", "5,"},
+      {"--frame-rates", "5,x"},
+      {"--frame-rates", "0"},
+      {"--imu-rates", "10,0.1"},
+      {"--imu-rates", "10", "--plot"},
+      {"--start", "self"},
+      {"--motion", "inertial", "--start", "alone"},
+      {"--motion", "inertial", "--blind-from", "5"},
+      {"--motion", "inertial", "--blind-for", "5"},
+      {"--motion", "inertial", "--blind-from", "5", "--blind-for", "0"},
+      {"--motion", "inertial", "--blind-from", "x", "--blind-for", "5"},
+      {"--motion", "inertial", "--blind-from", "31", "--blind-for", "30"},
+      {"--blind-from", "5", "--blind-for", "5"},
+      {"--nothing", "1"},
+      {"stray"},
+      {"--motion", "process", "--set", "ids-return=true"}};
   for (const auto& words : refused) EXPECT_THROW(parse(words), MonteCarloUsageError) << words.front();
   const char* bare[] = {"monte_carlo", "--output", "d"};
   EXPECT_THROW(parseMonteCarloOptions(3, bare), MonteCarloUsageError);
+}
+
+TEST(MonteCarloOptions, ARawImuHasAStartAndABlindTime) {
+  const MonteCarloOptions options =
+      parse({"--motion", "inertial", "--start=self", "--blind-from", "10", "--blind-for=30"});
+  EXPECT_EQ(options.drive.motion, MotionModel::kHandheld);
+  EXPECT_EQ(options.study.start, simulation::StudyStart::kSelf);
+  EXPECT_EQ(options.study.blind_from, 10.0);
+  EXPECT_EQ(options.study.blind_for, 30.0);
+  EXPECT_EQ(parse({"--motion", "inertial-car"}).study.start, simulation::StudyStart::kGiven);
+  EXPECT_EQ(parse({"--motion", "inertial-car"}).study.blind_for, 0.0);
 }
 
 TEST(MonteCarloReport, BoundsHoldForTheMeanAtEveryCheckPoint) {
@@ -128,6 +148,29 @@ TEST(MonteCarloReport, SummaryNamesTheLargestFallAndTheBounds) {
   const std::string text = monteCarloSummary(results);
   EXPECT_NE(text.find("falls by 25 %"), std::string::npos) << text;
   EXPECT_NE(text.find("5.08-7.00"), std::string::npos) << text;
+}
+
+/// A drive of which nothing is known but when it started.
+SeedResult startAfter(double delay, double nees) {
+  SeedResult result = driveOf(nees);
+  result.inertial.emplace();
+  result.inertial->start_delay = delay;
+  result.inertial->first_tilt = 1.5 * nees;
+  return result;
+}
+
+TEST(MonteCarloReport, WhatNeverStartedIsCountedAndLeftOutOfTheMeans) {
+  SeedResult never;
+  never.inertial.emplace();
+  const std::vector<SeedResult> results = {startAfter(0.5, 4.0), never, startAfter(2.5, 8.0), never};
+  EXPECT_TRUE(neesWithin(results, {5.9, 6.1}));
+  EXPECT_FALSE(neesWithin({never}, {0.0, 1e9}));
+  const std::string text = monteCarloSummary(results);
+  EXPECT_NE(text.find("not started at all           50 %, not within 2 s 75 %"), std::string::npos) << text;
+  EXPECT_NE(text.find("start delay                  1.50 s, at most 2.50 s"), std::string::npos) << text;
+  EXPECT_NE(text.find("tilt 9.00"), std::string::npos) << text;
+  EXPECT_EQ(text.find("blind time"), std::string::npos) << text;
+  EXPECT_EQ(monteCarloSummary({driveOf(6.0)}).find("start delay"), std::string::npos);
 }
 
 } // namespace

@@ -50,7 +50,7 @@ Stamp toStamp(const ros::Time& time);
 ros::Time toTime(Stamp stamp);
 
 /// `imu_frame` is what header.frame_id must be.
-Converted<GyroSample> toGyro(const sensor_msgs::Imu& message, const std::string& imu_frame);
+Converted<ImuSample> toImu(const sensor_msgs::Imu& message, const std::string& imu_frame);
 
 /// Linear velocity of the origin of header.frame_id along its axes, whatever frame that is.
 Converted<VelocitySample> toVelocity(const geometry_msgs::TwistWithCovarianceStamped& message);
@@ -66,6 +66,9 @@ Converted<TwistBias> toTwistBias(const geometry_msgs::TwistWithCovarianceStamped
 /// id the first is kept. Pixels that are not finite are left to the estimator, which counts features one by
 /// one.
 ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& left_frame);
+
+/// The way back.
+StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_frame);
 
 geometry_msgs::Pose toPose(const SE3& pose);
 SE3 toSE3(const geometry_msgs::Transform& transform);

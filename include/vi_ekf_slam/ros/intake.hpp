@@ -5,12 +5,13 @@
 #include <deque>
 #include <functional>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 
+#include "vi_ekf_slam/core/sensors/stereo_check.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
+#include "vi_ekf_slam/ros/input/frame_problems.hpp"
 #include "vi_ekf_slam/ros/input/frame_tree.hpp"
 #include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 #include "vi_ekf_slam/ros/input/velocity_frames.hpp"
@@ -56,18 +57,21 @@ class Intake {
   /// Time begins anew.
   void restartTransforms() { frames_.restart(); }
   /// Called once for each frame that cannot be used: its name, and what to do.
-  void onProblem(std::function<void(const std::string&)> handler) { problem_handler_ = std::move(handler); }
+  void onProblem(std::function<void(const std::string&)> handler) { problems_.onProblem(std::move(handler)); }
 
   const FrameTree& frames() const { return frames_; }
   /// Whether a velocity waits for a transform.
   bool isWaiting() const { return !waiting_.empty(); }
+  /// Whether features are those of a rectified pair.
+  const StereoCheck& stereoCheck() const { return stereo_check_; }
   const RigAssembler& rigAssembler() const { return rig_; }
   /// Empty until the first IMU message said it, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
   std::uint64_t received() const;
-  /// Topics of required inputs (imu, velocity and, where the estimator uses them, features) from which no
-  /// message has come, with commas; empty: there is none.
+  /// Whether the estimator cannot do without the stream, by what has come up to now.
+  bool isRequired(Stream stream) const;
+  /// Topics of required inputs from which no message has come, with commas; empty: there is none.
   std::string missingInputs() const;
   /// Messages (and repeated ids) turned away, by "input: reason".
   const std::map<std::string, std::uint64_t>& turnedAway() const { return counts_.turned_away; }
@@ -94,7 +98,6 @@ class Intake {
   void release(bool at_once);
   bool hasWaited(const Arrival& arrival) const;
   void addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id);
-  void report(const std::string& frame, const std::string& problem);
   void learnImuFrame(const std::string& frame_id);
   void turnAway(const char* input, conversions::Rejection rejection);
   void turnAway(const char* reason, std::size_t count);
@@ -108,8 +111,8 @@ class Intake {
   VelocityFrames velocities_;
   std::deque<Arrival> waiting_; ///< in the order in which they came; the first is a velocity
   bool may_wait_ = true;        ///< only the first velocity does: later ones are not to hold up what runs
-  std::set<std::string> reported_frames_;
-  std::function<void(const std::string&)> problem_handler_;
+  FrameProblems problems_;
+  StereoCheck stereo_check_;
   Counts counts_;
   std::size_t max_features_;
   std::size_t feature_limit_;

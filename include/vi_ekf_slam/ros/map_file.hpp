@@ -9,8 +9,8 @@ namespace vi_ekf_slam {
 /// Name of the file in an output folder.
 constexpr char kMapFileName[] = "map.bag";
 
-/// Checks the map and writes it as a bag of MapState and MapLandmark, which appears under its name only when
-/// it is whole and on the disk. Throws MapError.
+/// Checks the map and writes it as a bag of MapState, MapLandmark and MapDescriptors, which appears under its
+/// name only when it is whole and on the disk. Throws MapError.
 void writeMapFile(const std::string& path, const SavedMap& map, const std::string& map_frame);
 
 /// The map in a bag of writeMapFile, checked. Memory is bounded by the file's size and kMaxSavedLandmarks,

@@ -2,12 +2,16 @@
 
 #include <ros/serialization.h>
 #include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
+#include "vi_ekf_slam/MapDescriptors.h"
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
 #include "vi_ekf_slam/StereoFeatureArray.h"
@@ -34,7 +38,10 @@ void requireArrays(ros::serialization::IStream /*stream*/, const Message* /*type
 inline void requireArrays(ros::serialization::IStream stream, const StereoFeatureArray* /*type*/) {
   std_msgs::Header header;
   stream.next(header);
-  requireArray(stream, 40);
+  for (std::uint32_t left = requireArray(stream, 48); left > 0; --left) {
+    stream.advance(44); // up to the descriptor
+    stream.advance(requireArray(stream, 1));
+  }
 }
 
 inline void requireArrays(ros::serialization::IStream stream, const tf2_msgs::TFMessage* /*type*/) {
@@ -52,6 +59,24 @@ inline void requireArrays(ros::serialization::IStream stream, const sensor_msgs:
   requireArray(stream, 8); // D
 }
 
+inline void requireArrays(ros::serialization::IStream stream, const sensor_msgs::Image* /*type*/) {
+  sensor_msgs::Image message;
+  stream.next(message.header);
+  stream.next(message.height);
+  stream.next(message.width);
+  stream.next(message.encoding);
+  stream.next(message.is_bigendian);
+  stream.next(message.step);
+  requireArray(stream, 1); // data
+}
+
+inline void requireArrays(ros::serialization::IStream stream, const sensor_msgs::CompressedImage* /*type*/) {
+  sensor_msgs::CompressedImage message;
+  stream.next(message.header);
+  stream.next(message.format);
+  requireArray(stream, 1); // data
+}
+
 inline void requireArrays(ros::serialization::IStream stream, const MapLandmark* /*type*/) {
   MapLandmark::_id_type id = 0;
   MapLandmark::_position_type position;
@@ -60,6 +85,12 @@ inline void requireArrays(ros::serialization::IStream stream, const MapLandmark*
   stream.next(position);
   stream.next(observations);
   requireArray(stream, 8); // covariance
+}
+
+inline void requireArrays(ros::serialization::IStream stream, const MapDescriptors* /*type*/) {
+  MapDescriptors::_id_type id = 0;
+  stream.next(id);
+  requireArray(stream, 1); // descriptors
 }
 
 inline void requireArrays(ros::serialization::IStream stream, const MapState* /*type*/) {
@@ -87,10 +118,27 @@ Message read(const std::uint8_t* bytes, std::uint32_t size) {
   return message;
 }
 
+/// Features of bags from before these had a noise and a descriptor: five numbers each.
+inline constexpr const char* kPlainFeatures = "486a1fc9866e2e69fc963c27cc889935";
+inline StereoFeatureArray readPlainFeatures(const std::uint8_t* bytes, std::uint32_t size) {
+  ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes), size);
+  StereoFeatureArray message;
+  stream.next(message.header);
+  message.features.resize(requireArray(stream, 40));
+  for (StereoFeature& f : message.features) {
+    stream.next(f.id);
+    for (double* pixel : {&f.u_left, &f.v_left, &f.u_right, &f.v_right}) stream.next(*pixel);
+  }
+  return message;
+}
+
 /// The message of a bag. Throws BagError when the bag's definition of its type is another one, and
 /// std::exception as above.
 template <typename Message>
 Message read(const BagMessage& message) {
+  if constexpr (std::is_same_v<Message, StereoFeatureArray>) {
+    if (message.connection.md5 == kPlainFeatures) return readPlainFeatures(message.data, message.size);
+  }
   if (message.connection.md5 != ros::message_traits::md5sum<Message>()) {
     throw BagError(message.connection.topic + ": the bag's definition of " + message.connection.type +
                    " is not the one that this program was built with");

@@ -29,6 +29,12 @@ Matrix6d invariantCovariance(const StateEstimate& estimate);
 /// In the right-invariant coordinates, for error and covariance alike.
 PoseNees poseNees(const SE3& truth, const StateEstimate& estimate);
 
+/// Of the rotation about the two horizontal axes of the world, 2 degrees of freedom.
+double tiltNees(const SE3& truth, const StateEstimate& estimate);
+
+/// Of the velocity along the IMU's axes, m/s, 3 degrees of freedom.
+double velocityNees(const Eigen::Vector3d& truth, const StateEstimate& estimate);
+
 /// Bounds between which the mean of `runs` independent chi-square values of `dof` degrees of freedom lies
 /// with probability 0.95 (Wilson and Hilferty 1931; good to 0.3 % from 30 degrees of freedom in total).
 std::pair<double, double> chiSquareMeanBounds(double dof, double runs);

@@ -10,6 +10,8 @@ namespace vi_ekf_slam::simulation {
 enum class MotionModel {
   kCarDrive,     ///< a car round a rectangular block, lap after lap
   kProcessModel, ///< white noise on the twist's derivative: an exact draw from a constant-velocity prior
+  kHandheld,     ///< a hand-held or flying body in a room, with a raw IMU
+  kInertialCar,  ///< the car with smooth accelerations and a raw IMU
 };
 
 /// What to simulate. The defaults resemble the real drives: 10 Hz, a noisy twist, stale frames, other cars.
@@ -28,7 +30,7 @@ struct DriveOptions {
   double start_time = 1317386425.5625; ///< s since the epoch
 
   double frame_rate = 10.0; ///< Hz
-  double imu_rate = 0.0;    ///< Hz, gyro and velocity; 0: the same
+  double imu_rate = 0.0;    ///< Hz, gyro and velocity; 0: the same, 200 of a raw IMU
 
   double velocity_sigma = 0.5;      ///< m/s, white, per sample and axis
   double gyro_sigma = 0.05;         ///< rad/s, white, per sample and axis
@@ -58,8 +60,11 @@ struct DriveOptions {
   /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
   /// with 3 it is nearly always the same ones.
   double strength_spread = 0.0;
-  double min_depth = 3.0;   ///< m
-  double max_depth = 150.0; ///< m
+  bool descriptors = false;   ///< whether features have descriptors
+  double alike_share = 0.2;   ///< of the landmarks, that look like one of a few others
+  bool alike_streets = false; ///< the same points with the same looks every 40 m
+  double min_depth = 3.0;     ///< m
+  double max_depth = 150.0;   ///< m
 
   double twist_decay = 0.0;    ///< s, time constant back to the nominal twist; 0: never, an exact random walk
   double noise_forward = 0.5;  ///< m/s^1.5, root spectral density of the acceleration along x
@@ -67,8 +72,22 @@ struct DriveOptions {
   double noise_vertical = 0.15; ///< m/s^1.5, along z
   double noise_rotation = 0.1;  ///< rad/s^1.5, of the angular acceleration, each axis
 
+  double peak_rate = 3.49;         ///< rad/s, handheld: of the angular rate's norm
+  double peak_acceleration = 9.81; ///< m/s^2, handheld: of the acceleration's norm
+
+  // A raw IMU, as calibrations state it; gyro_sigma does not count for it.
+  double gyro_density = 1.7e-4;           ///< rad/s/Hz^0.5, white noise
+  double accelerometer_density = 2e-3;    ///< m/s^2/Hz^0.5, white noise
+  double gyro_walk = 2e-5;                ///< rad/s^2/Hz^0.5, random walk of the bias
+  double accelerometer_walk = 3e-3;       ///< m/s^3/Hz^0.5, random walk of the bias
+  double accelerometer_bias_sigma = 0.05; ///< m/s^2, of the first bias, per axis
+  double frame_offset = 0.4;              ///< of the IMU's period, from a sample to the first frame
+  bool velocity_samples = false;          ///< a velocity with each sample of a raw IMU
+
+  /// Whether the motion has accelerations and the IMU measures them.
+  bool hasRawImu() const { return motion == MotionModel::kHandheld || motion == MotionModel::kInertialCar; }
   /// imu_rate with its default resolved, Hz.
-  double imuRate() const { return imu_rate > 0.0 ? imu_rate : frame_rate; }
+  double imuRate() const { return imu_rate > 0.0 ? imu_rate : hasRawImu() ? 200.0 : frame_rate; }
 };
 
 /// Describes one member of DriveOptions; one table serves checks, command lines and help texts.
@@ -82,6 +101,9 @@ struct DriveOptionField {
   const char* unit;
   const char* help;
 };
+
+/// How the options name it: car, process, handheld or inertial-car.
+const char* nameOf(MotionModel motion);
 
 const std::vector<DriveOptionField>& driveOptionFields();
 

@@ -9,6 +9,7 @@
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/front_end.hpp"
+#include "vi_ekf_slam/simulation/inertial/inertial_sensor.hpp"
 #include "vi_ekf_slam/simulation/motion.hpp"
 #include "vi_ekf_slam/simulation/scene.hpp"
 #include "vi_ekf_slam/simulation/traffic.hpp"
@@ -21,18 +22,33 @@ struct TrueTwist {
   Vector6d twist = Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, at `stamp`
 };
 
+/// All that an inertial filter estimates of the body.
+struct TrueState {
+  Stamp stamp = 0;
+  SE3 world_T_imu;
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();           ///< m/s, world axes
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();          ///< rad/s, of the last sample
+  Eigen::Vector3d accelerometer_bias = Eigen::Vector3d::Zero(); ///< m/s^2, of the last sample
+};
+
 /// One frame and the samples from its stamp (included) to the next frame's (excluded), which may be none.
 ///
 /// Sample j is nu_j + bias + noise with the covariance of the noise attached (none where the noise is 0).
 /// nu_j is the true twist at t_j. The car holds it until the next sample: T_{j+1} = T_j Exp((t_{j+1} - t_j)
 /// nu_j), so noise-free samples dead-reckon to the car's true poses exactly, when each is held until the
 /// next. In the process model the twist goes on changing within the step (see ProcessMotion).
+///
+/// A raw IMU (DriveOptions::hasRawImu) is described by InertialSensor, and its samples do not coincide with
+/// frames. Its first sample comes before the first frame and belongs to that frame's step. `velocity` is
+/// empty unless it is asked for.
 struct DriveStep {
   std::size_t index = 0;
   Stamp stamp = 0;
-  SE3 world_T_imu;                   ///< at `stamp`; the identity in the first step
-  std::vector<TrueTwist> true_twist; ///< of `gyro` and `velocity`, in their order
-  std::vector<GyroSample> gyro;
+  /// At `stamp`. The identity in the first step; with a raw IMU z points up instead.
+  SE3 world_T_imu;
+  std::optional<TrueState> state;    ///< at `stamp`, with a raw IMU
+  std::vector<TrueTwist> true_twist; ///< of `gyro`, in its order
+  std::vector<ImuSample> gyro;
   std::vector<VelocitySample> velocity;
   StereoFrame frame;
   std::vector<ObservationTruth> truth; ///< of frame.features, in their order
@@ -55,12 +71,16 @@ class DriveSimulator {
   const View& view() const { return view_; }
   const StereoRig& rig() const { return view_.rig; }
   const DriveOptions& options() const { return options_; }
-  const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }         ///< rad/s
+  /// With a raw IMU, before the first step: at the stamp of its first sample.
+  std::optional<TrueState> state() const;
+  const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }         ///< rad/s, the first
   const Eigen::Vector3d& velocityBias() const { return velocity_bias_; } ///< m/s
 
  private:
   void drawBiases();
-  Stamp stampOf(std::size_t index, double rate) const;
+  Stamp stampOf(std::size_t index, double rate, double offset = 0.0) const;
+  Stamp frameStamp(std::size_t index) const;
+  void takeSamplesBefore(Stamp stamp, DriveStep& step);
   void moveTo(Stamp stamp);
   void takeSample(DriveStep& step);
 
@@ -71,6 +91,7 @@ class DriveSimulator {
   Traffic traffic_;
   FrontEnd front_end_;
   Random imu_random_;
+  std::optional<InertialSensor> raw_imu_;
   Eigen::Vector3d gyro_bias_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_bias_ = Eigen::Vector3d::Zero();
   Stamp now_;                         ///< where motion and traffic have got to

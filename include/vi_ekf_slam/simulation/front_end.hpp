@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/simulation/appearance.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"
 #include "vi_ekf_slam/simulation/scene.hpp"
@@ -54,6 +55,7 @@ class FrontEnd {
     Stamp end = 0;                                            ///< from which on it is not observed any more
     std::optional<std::uint64_t> scene_index;                 ///< of a point of the scene
     std::optional<std::pair<std::uint64_t, std::size_t>> car; ///< moving object and the point on it
+    std::uint64_t look = 0;                                   ///< what it looks like, see Appearance
     StereoPixels offset = StereoPixels::Zero();               ///< px off the projection (outliers, walks)
     StereoPixels velocity = StereoPixels::Zero();             ///< px/s, of `offset`
     SE3 first_drift_inverse;                                  ///< of TrackDrift::slide() when it was new
@@ -72,6 +74,7 @@ class FrontEnd {
   View view_;
   Scene& scene_;
   TrackDrift drift_;
+  Appearance appearance_;
   Random noise_random_, track_random_, stale_random_, walk_random_;
   std::vector<Track> tracks_;
   std::map<std::uint64_t, std::pair<FeatureId, std::uint64_t>>

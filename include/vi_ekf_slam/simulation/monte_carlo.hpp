@@ -3,17 +3,19 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
+#include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
 
 namespace vi_ekf_slam::simulation {
 
 /// What became of one frame, against the truth.
 struct FrameErrors {
-  double time = 0.0; ///< s since the first frame
+  double time = 0.0; ///< s since the first frame with an estimate
   PoseNees nees;
   double position = 0.0;       ///< m, distance between estimate and truth, without any alignment
   double dead_reckoning = 0.0; ///< m, the same for dead reckoning
@@ -23,14 +25,25 @@ struct FrameErrors {
   std::size_t revisited = 0; ///< landmarks found to be ones that were seen before
 };
 
+/// Of an estimate at `time` s, whose map is the world of `truth` and `dead_reckoning`.
+FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
+                        const FrameReport& report);
+
 /// One drive through the estimator.
 struct SeedResult {
   std::uint64_t seed = 0;
-  std::vector<FrameErrors> frames;
+  std::vector<FrameErrors> frames; ///< those with an estimate: none where it never started
   double yaw_fall = 0.0;           ///< largest relative fall of the global yaw variance before an id returned
   std::size_t frames_rejected = 0; ///< as a whole
+  /// Frames in which a place was recognised without ids; of these the ones that left the vehicle farther off
+  /// than it was, by more than a metre.
+  std::size_t places = 0, wrong_places = 0;
   std::size_t features = 0, features_used = 0;
+  std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
+
+/// Counts what the report of the last of the result's frames says of places.
+void countPlace(const FrameReport& report, SeedResult& result);
 
 /// Shares of the drive at which the NEES is judged.
 constexpr std::array<double, 4> kCheckPoints = {0.25, 0.5, 0.75, 1.0};
@@ -40,20 +53,24 @@ std::size_t checkPointFrame(double share, std::size_t frames);
 /// How a Monte Carlo study moves unless told otherwise. kCarDrive: the simulator's defaults (two laps with
 /// wrong matches, other cars and stale frames). kProcessModel: 100 s with white noise alone, a sensor for
 /// which the default filter's model is exactly right: its densities and gyro biases, no wrong matches, no
-/// other cars, no stale frames.
+/// other cars, no stale frames. With a raw IMU: 3 s at rest, and 60 s of a room or two laps.
 DriveOptions studyOptions(MotionModel motion);
 
 /// Simulates a drive and takes it through the estimator of `config`, measurements in the order of SlamSystem
 /// (gyro, velocity, frame). Tracks that a stale frame breaks get a new id there, as dataset_to_bag.py gives
-/// them one.
-SeedResult runSeed(const Config& config, const DriveOptions& options);
+/// them one. With a raw IMU as runInertialSeed.
+SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study = {});
 
 /// runSeed for seeds first, first + 1, ... The result depends neither on `jobs` (threads) nor on timing.
 /// `progress` is called with the number of seeds done, from any thread but one at a time. The first exception
 /// of a seed comes out.
 std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& options, std::uint64_t first,
                                  std::size_t count, unsigned jobs,
-                                 const std::function<void(std::size_t)>& progress = {});
+                                 const std::function<void(std::size_t)>& progress = {},
+                                 const InertialStudy& study = {});
+
+/// Those that have an estimate.
+std::vector<SeedResult> startedOf(std::vector<SeedResult> results);
 
 /// Means over the seeds at one frame.
 struct MeanErrors {
@@ -63,7 +80,7 @@ struct MeanErrors {
   double nis_per_dof = 0.0;
 };
 
-/// By frame, as far as the shortest drive goes.
+/// By frame, as far as the shortest drive goes, of those that have an estimate at all.
 std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results);
 
 /// RMS over the frames of `member` of FrameErrors, m.

@@ -1,11 +1,22 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <optional>
+
 #include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/simulation/block_path.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/random.hpp"
 
 namespace vi_ekf_slam::simulation {
+
+/// How a body moves at an instant.
+struct Kinematics {
+  SE3 world_T_imu;
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();         ///< m/s, world axes
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();     ///< m/s^2, world axes
+  Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero(); ///< rad/s, IMU axes
+};
 
 /// How the vehicle moves.
 class Motion {
@@ -25,8 +36,10 @@ class Motion {
   }
   /// m travelled so far.
   virtual double distance() const = 0;
+  /// What an accelerometer feels now, where the motion has accelerations.
+  virtual std::optional<Kinematics> kinematics() const { return std::nullopt; }
 
-  /// The first is the identity.
+  /// The first is the identity, but where there are accelerations: there the world's z axis points up.
   const SE3& world_T_imu() const { return world_T_imu_; }
 
  protected:

@@ -20,10 +20,14 @@ enum class RandomStream : std::uint64_t {
   kTrackDrift,
   kStrengths,
   kTrackWalks,
-  kLast = kTrackWalks
+  kBiasWalks,
+  kStart,
+  kRig,
+  kAppearance,
+  kLast = kAppearance
 };
 
-/// Random numbers that depend on (seed, stream) alone. The distributions of <random> differ between standard
+/// Random numbers that depend on (seed, stream) alone. The distributions of `<random>` differ between standard
 /// libraries, its engines do not; so the engine is theirs and the distributions are ours.
 class Random {
  public:

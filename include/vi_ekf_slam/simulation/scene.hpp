@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <vector>
 
@@ -25,13 +26,15 @@ struct View {
   bool contains(const StereoPixels& pixels) const;
 };
 
-/// Camera of the public drives of 2011-09-30, mounted as there and misaligned by a fraction of a degree.
+/// Camera of the public drives of 2011-09-30, mounted as there and misaligned by a fraction of a degree; a
+/// handheld body has a small pair 0.11 m wide.
 View makeView(const DriveOptions& options);
 
 /// A static point; `index` identifies it within its scene.
 struct ScenePoint {
   std::uint64_t index = 0;
   Eigen::Vector3d world = Eigen::Vector3d::Zero(); ///< m
+  std::uint64_t look = 0;                          ///< points of one number look alike
 };
 
 /// The static surroundings.
@@ -46,27 +49,48 @@ class Scene {
   virtual bool occluded(const Eigen::Vector3d& camera_world, const Eigen::Vector3d& point_world) const = 0;
 };
 
-/// A block of houses in a grid of streets: facades, poles, trees, things at ground level, streets beyond the
-/// corners.
-class StreetScene : public Scene {
+/// Points that stay where they are.
+class PointScene : public Scene {
  public:
-  StreetScene(const DriveOptions& options, const View& view);
   std::vector<ScenePoint> detect(const SE3& world_T_cam, std::size_t count,
                                  const std::vector<std::uint64_t>& taken) override;
+
+ protected:
+  PointScene(const DriveOptions& options, const View& view);
+  /// After the last point.
+  void drawStrengths(const DriveOptions& options);
+
+  View view_;
+  Random random_;
+  std::vector<Eigen::Vector3d> points_; ///< world, m
+  std::vector<double> strengths_;       ///< the stronger, the more easily detected
+  std::vector<std::uint64_t> looks_;    ///< of each point; empty: each has its own
+};
+
+/// A block of houses in a grid of streets: facades, poles, trees, things at ground level, streets beyond the
+/// corners.
+class StreetScene : public PointScene {
+ public:
+  StreetScene(const DriveOptions& options, const View& view);
   bool occluded(const Eigen::Vector3d& camera_world, const Eigen::Vector3d& point_world) const override;
 
  private:
   void addFacades();
   void addStreetsBeyond();
   void addFurniture();
+  void repeatStreets();
   void add(double x, double y, double z);
 
   BlockPath path_;
-  View view_;
-  Random random_;
   SE3 path_T_world_;
-  std::vector<Eigen::Vector3d> points_; ///< world, m
-  std::vector<double> strengths_;       ///< the stronger, the more easily detected
+};
+
+/// A room with some furniture, as full of points in one direction as in another.
+class RoomScene : public PointScene {
+ public:
+  /// Around a body that stays within `around` (world, m).
+  RoomScene(const DriveOptions& options, const View& view, const Eigen::AlignedBox3d& around);
+  bool occluded(const Eigen::Vector3d&, const Eigen::Vector3d&) const override { return false; }
 };
 
 /// Points that come into being wherever the camera looks. They occlude nothing and never return.

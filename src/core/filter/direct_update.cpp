@@ -20,19 +20,26 @@ namespace {
 
 /// The lower triangle alone: the columns of each point, then its rows.
 void reexpressLower(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
-  for (const auto& [row, M] : points) {
+  for (const auto& [row, M, N] : points) {
     auto own = P.block<3, 3>(row, row);
     own.triangularView<Eigen::StrictlyUpper>() = own.transpose();
     auto below = P.middleCols<3>(row).bottomRows(P.rows() - row);
     below = below.lazyProduct(M.transpose()).eval();
   }
   for (Eigen::Index column = 0; column < P.cols(); ++column) {
-    for (const auto& [row, M] : points) {
+    for (const auto& [row, M, N] : points) {
       if (row + 2 < column) continue;
       const Eigen::Vector3d own = P.col(column).segment<3>(row);
       P.col(column).segment<3>(row).noalias() = M * own;
     }
   }
+}
+
+/// y <- y + N x, of a whole matrix.
+void addOthers(Eigen::Ref<Eigen::MatrixXd> P, Eigen::Index row, const LinearFunction& N) {
+  if (N.isNone()) return;
+  P.middleCols<3>(row).noalias() += P.middleCols(N.row, N.J.cols()) * N.J.transpose();
+  P.middleRows<3>(row).noalias() += N.J * P.middleRows(N.row, N.J.cols());
 }
 
 } // namespace
@@ -41,6 +48,7 @@ void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexp
   if (points.empty()) return;
   reexpressLower(P, points);
   mirrorLower(P);
+  for (const auto& point : points) addOthers(P, point.row, point.N);
 }
 
 std::optional<DirectUpdate> DirectUpdate::make(const Innovation& in) {
@@ -115,7 +123,11 @@ DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::Matri
 void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
                            const std::vector<Variables::Reexpressed>& points) const {
   std::vector<const Eigen::Matrix3d*> M(static_cast<std::size_t>(P.rows()), nullptr); // by row
-  for (const auto& point : points) M[static_cast<std::size_t>(point.row)] = &point.M;
+  bool are_alone = std::all_of(seen_.begin(), seen_.end(), [](const Seen& s) { return s.others.empty(); });
+  for (const auto& point : points) {
+    M[static_cast<std::size_t>(point.row)] = &point.M;
+    are_alone = are_alone && point.N.isNone();
+  }
   std::vector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
   A.reserve(seen_.size());
   weighted_A.reserve(seen_.size());
@@ -163,8 +175,6 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
   for (const auto& point : points) {
     if (std::binary_search(rest_.begin(), rest_.end(), point.row)) unseen.push_back(point);
   }
-  const bool are_alone =
-      std::all_of(seen_.begin(), seen_.end(), [](const Seen& s) { return s.others.empty(); });
   if (are_alone) reexpressLower(P, unseen);
   mirrorLower(P);
   if (are_alone) return;
@@ -176,6 +186,9 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
       P.middleCols<3>(seen.row).noalias() -= P.middleCols(other.column, G.cols()) * G.transpose();
       P.middleRows<3>(seen.row).noalias() -= G * P.middleRows(other.column, G.cols());
     }
+  }
+  for (const auto& point : points) {
+    if (!std::binary_search(rest_.begin(), rest_.end(), point.row)) addOthers(P, point.row, point.N);
   }
   reexpress(P, unseen);
 }

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/filter/filter.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -44,6 +45,12 @@ void Filter::closeCore() {
   core_ = CompressedCore(core_rows_);
 }
 
+bool Filter::isLevel() const {
+  const auto& handles = variables_.handles();
+  return std::any_of(handles.begin(), handles.end(),
+                     [this](Handle h) { return variables_.chartOf(h) == Chart::kWorldVector; });
+}
+
 Eigen::MatrixXd Filter::covariance(Handle a, Handle b) const {
   return covariance_.block(rowOf(a), rowOf(b), variables_.sizeOf(a), variables_.sizeOf(b));
 }
@@ -52,8 +59,9 @@ Eigen::Matrix3d Filter::worldCovariance(Handle point) const {
   const Eigen::Matrix<double, 3, 6> J = -byPose(variables_.point(point), pose().translation());
   const Eigen::Index row = rowOf(point);
   const Eigen::Matrix3d cross = J * covariance_.block<6, 3>(0, row);
-  return covariance_.block<3, 3>(row, row) + cross + cross.transpose() +
-         J * covariance_.topLeftCorner<6, 6>() * J.transpose();
+  const Eigen::Matrix3d sum = covariance_.block<3, 3>(row, row) + cross + cross.transpose() +
+                              J * covariance_.topLeftCorner<6, 6>() * J.transpose();
+  return sum.selfadjointView<Eigen::Lower>();
 }
 
 /// byPose of all points, row by row; 0 for what is not one.
@@ -210,8 +218,7 @@ bool Filter::correct(const LinearMeasurement& z) {
   const Eigen::Vector3d before = pose().translation();
   const auto reexpressed = variables_.retract(error, c, {});
   reexpress(Pc, reexpressed);
-  for (const auto& [row, M] : reexpressed)
-    core_.Phi().middleRows<3>(row) = (M * core_.Phi().middleRows<3>(row)).eval();
+  reexpressRows(core_.Phi(), reexpressed);
   const Eigen::Vector3d moved = pose().translation() - before;
   transport(Pc, moved);
   transportRows(core_.Phi(), moved);
@@ -242,10 +249,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
     subtractSquare(P(), root);
     reexpress(P(), points);
   }
-  inactive_.transform([&points](auto X) {
-    for (const auto& [row, M] : points)
-      X.template middleRows<3>(row) = (M * X.template middleRows<3>(row)).eval();
-  });
+  inactive_.transform([&points](auto X) { reexpressRows(X, points); });
   transportPose(before);
   if (turns) moveInactive(inactive_before);
   return true;

@@ -114,6 +114,14 @@ void Filter::reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covar
   inactive_.forget(row, k);
 }
 
+void Filter::fixPose(Eigen::Index row, double variance) {
+  settle();
+  covariance_.block(row, 0, 1, rows()).setZero();
+  covariance_.block(0, row, rows(), 1).setZero();
+  covariance_(row, row) = variance;
+  inactive_.forget(row, 1);
+}
+
 void Filter::moveWorld(const SE3& to_T_world) {
   settle();
   if (!inactive_.isEmpty()) throw std::logic_error("a world with inactive variables cannot be moved");

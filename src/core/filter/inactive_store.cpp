@@ -342,7 +342,10 @@ std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const 
     const Eigen::Index rows = variable.mean.size();
     Estimate now{variable, own.block(row, row, rows, rows)};
     now.variable.mean += cross.transpose() * correction;
-    if (exact) now.covariance -= cross.transpose() * (information * cross).eval();
+    if (exact) {
+      now.covariance -= cross.transpose() * (information * cross).eval();
+      mirrorLower(now.covariance);
+    }
     return now;
   };
   for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {

@@ -8,6 +8,12 @@
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
+namespace {
+
+constexpr std::size_t kTurnPoints = 8; // of fewer the noise passes for a turn
+constexpr double kLeastTurn = 1e-2;    // rad: half its square is a fiftieth of a pixel
+
+} // namespace
 
 Variables::Variables(const SE3& pose) : pose_(pose) { add(Chart::kPose, Eigen::VectorXd::Zero(6)); }
 
@@ -80,12 +86,39 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
+/// By which a correction turns the points in view as one about the body, the least squares of their angles:
+/// of the world, where only its tilt was not known. A chart of one camera takes the rest alone, since the
+/// circles that a turn moves them on are straight in none.
+Eigen::Vector3d Variables::commonTurn(const Eigen::VectorXd& error, Eigen::Index rows,
+                                      const Eigen::Vector3d& seen_turn) const {
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  std::size_t points = 0;
+  for (const Handle handle : order_) {
+    const Slot& slot = slots_[handle];
+    if (slot.row >= rows) break;
+    if (slot.chart != Chart::kPoint) continue;
+    const Eigen::Vector3d way = mean_.segment<3>(slot.row) - pose_.translation();
+    const Eigen::Vector3d d =
+        error.segment<3>(slot.row) + (error.segment<3>(3) + seen_turn).cross(way) + error.head<3>();
+    A += Eigen::Matrix3d::Identity() - way * way.transpose() / way.squaredNorm();
+    b += way.cross(d) / way.squaredNorm();
+    ++points;
+  }
+  if (points < kTurnPoints) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d phi = A.ldlt().solve(b);
+  return phi.norm() > kLeastTurn && phi.allFinite() ? phi : Eigen::Vector3d::Zero();
+}
+
 /// With x - p = Exp(theta) (x^ - p^ + y) the error left of y is Exp(theta^) (y - y^), along the axes in which
 /// the corrected body sees the point.
 std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& error, Eigen::Index rows,
                                                        const PointChart& chart) {
   std::vector<Reexpressed> reexpressed;
   const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
+  const Eigen::Vector3d common = chart ? commonTurn(error, rows, chart.seen_turn) : Eigen::Vector3d::Zero();
+  const bool turns = !common.isZero(0.0);
+  const Eigen::Matrix3d U = so3::Exp(common);
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
   pose_ = SE3(turn * pose_.rotation(), now).normalized();
   for (const Handle handle : order_) {
@@ -100,10 +133,19 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& er
     }
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
-    const Eigen::Vector3d shift = error.head<3>(), d = e + error.segment<3>(3).cross(way) + shift;
-    const std::optional<MovedPoint> moved = chart ? chart(turn, way - shift, d) : std::nullopt;
+    const Eigen::Vector3d shift = error.head<3>();
+    Eigen::Vector3d turned = way, d = e + (error.segment<3>(3) - common).cross(way) + shift;
+    if (turns) {
+      turned = U * way;
+      d = (U * d).eval();
+    }
+    std::optional<MovedPoint> moved = chart ? chart.move(turn, turned - shift, d) : std::nullopt;
+    if (moved && turns) moved->M = (moved->M * U).eval();
     x = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
-    reexpressed.push_back({slot.row, moved ? moved->M : turn});
+    if (moved)
+      reexpressed.push_back({slot.row, moved->M, std::move(moved->N)});
+    else
+      reexpressed.push_back({slot.row, turn});
   }
   return reexpressed;
 }

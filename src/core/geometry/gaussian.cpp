@@ -16,6 +16,12 @@ Eigen::Matrix<double, N, Columns> solve(const Eigen::Matrix<double, N, N>& S,
 
 } // namespace
 
+Matrix6d anyPose(bool level) {
+  Matrix6d any = independentPose(1e3, 2.0);
+  if (level) any(3, 3) = any(4, 4) = 0.0;
+  return any;
+}
+
 Matrix6d independentPose(double position_sigma, double rotation_sigma) {
   Vector6d sigma;
   sigma << Eigen::Vector3d::Constant(position_sigma), Eigen::Vector3d::Constant(rotation_sigma);

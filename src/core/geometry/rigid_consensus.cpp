@@ -13,10 +13,12 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kFewest = 5; // points that agree: three fit almost any motion, two more hardly ever do
-constexpr double kShareOfPoints = 0.6; // of the points, that agree
-constexpr double kBound = 13.93;       // chi-square, 3 degrees of freedom, 99.7 %
-constexpr int kTries = 60; // of three points; with a third of them wrong, 1 in 10^9 has none that are right
-constexpr int kSteps = 4;  // of Gauss and Newton
+constexpr double kBound = 13.93;   // chi-square, 3 degrees of freedom, 99.7 %
+// Of three points; with a third of them wrong, 1 in 10^9 has none that are right. With a smaller share of
+// right ones as many more as it takes to miss one in a thousand.
+constexpr int kTries = 60;
+constexpr double kMissed = 1e-3;
+constexpr int kSteps = 4; // of Gauss and Newton
 
 using Indices = std::vector<std::size_t>;
 
@@ -62,9 +64,18 @@ Indices agreeingWith(const std::vector<Weighted>& points, const SE3& motion) {
 
 } // namespace
 
-std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
-  const auto share = static_cast<std::size_t>(std::ceil(kShareOfPoints * static_cast<double>(points.size())));
-  const std::size_t enough = std::max(kFewest, share);
+std::vector<std::size_t> agreeing(const std::vector<Displaced>& points, const SE3& motion) {
+  std::vector<std::size_t> indices;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d residual = points[i].expected - motion * points[i].seen;
+    if (squaredMahalanobis(residual, points[i].covariance) < kBound) indices.push_back(i);
+  }
+  return indices;
+}
+
+std::optional<SE3> commonMotion(const std::vector<Displaced>& points, double share) {
+  const std::size_t enough =
+      std::max(kFewest, static_cast<std::size_t>(std::ceil(share * static_cast<double>(points.size()))));
   if (points.size() < enough) return std::nullopt;
   std::vector<Weighted> weighted;
   for (const Displaced& point : points) {
@@ -78,8 +89,10 @@ std::optional<SE3> commonMotion(const std::vector<Displaced>& points) {
   });
   order.resize(std::max(kFewest, order.size() / 2));
   std::minstd_rand random(1);
+  const int tries = std::max(
+      kTries, static_cast<int>(std::ceil(std::log(kMissed) / std::log(1.0 - share * share * share))));
   Indices best;
-  for (int i = 0; i < kTries; ++i) {
+  for (int i = 0; i < tries; ++i) {
     for (std::size_t k = 0; k < 3; ++k) std::swap(order[k], order[k + random() % (order.size() - k)]);
     const auto motion = fit(weighted, {order[0], order[1], order[2]});
     if (!motion) continue;

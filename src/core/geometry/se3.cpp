@@ -72,4 +72,10 @@ Matrix6d leftJacobian(const Vector6d& xi) {
 }
 
 } // namespace se3
+
+SE3 levelled(const SE3& pose, const SE3& like) {
+  const double turn = so3::heading(pose.rotation() * like.rotation().transpose());
+  return {so3::Exp({0.0, 0.0, turn}) * like.rotation(), pose.translation()};
+}
+
 } // namespace vi_ekf_slam

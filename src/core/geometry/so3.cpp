@@ -55,12 +55,27 @@ Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& phi) {
   return Eigen::Matrix3d::Identity() + k.b * W + k.c * W * W;
 }
 
+Eigen::Matrix3d secondIntegral(const Eigen::Vector3d& phi) {
+  const double theta2 = phi.squaredNorm();
+  const Coefficients k = coefficients(theta2);
+  const double d =
+      theta2 < kSmallAngle ? 1.0 / 24.0 - theta2 / 720.0 + theta2 * theta2 / 40320.0 : (0.5 - k.b) / theta2;
+  const Eigen::Matrix3d W = hat(phi);
+  return 0.5 * Eigen::Matrix3d::Identity() + k.c * W + d * W * W;
+}
+
 Eigen::Matrix3d leftJacobianInverse(const Eigen::Vector3d& phi) {
   const double theta2 = phi.squaredNorm(), theta = std::sqrt(theta2);
   const double d = theta < kSmallAngle ? 1.0 / 12.0 + theta2 / 720.0 + theta2 * theta2 / 30240.0
                                        : 1.0 / theta2 - 0.5 / (theta * std::tan(0.5 * theta));
   const Eigen::Matrix3d W = hat(phi);
   return Eigen::Matrix3d::Identity() - 0.5 * W + d * W * W;
+}
+
+/// By the quaternion: the turn of q about z alone that is nearest to it.
+double heading(const Eigen::Matrix3d& R) {
+  const Eigen::Quaterniond q(R);
+  return 2.0 * std::atan2(q.z(), q.w());
 }
 
 Eigen::Matrix3d normalized(const Eigen::Matrix3d& R) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
@@ -25,7 +26,8 @@ std::vector<Displaced> displacedPoints(const Filter& filter, const LandmarkMap& 
                                        const std::vector<Association>& associations) {
   std::vector<Displaced> points;
   for (const Association& a : associations) {
-    const auto seen = model.triangulate(filter, frame.features[a.feature].pixels);
+    const auto seen =
+        model.triangulate(filter, frame.features[a.feature].pixels, frame.features[a.feature].sigma);
     const Handle landmark = map.active()[a.landmark].variable;
     if (!seen) continue;
     points.push_back({filter.variables().point(landmark), seen->position,
@@ -35,18 +37,6 @@ std::vector<Displaced> displacedPoints(const Filter& filter, const LandmarkMap& 
 }
 
 } // namespace
-
-/// Truth and estimate move by the same T <- T motion, so that the error of before stays, about the new
-/// position: dp' = dp - [p' - p]x theta.
-void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
-  CoreStep step;
-  step.pose = (filter.pose() * motion).normalized();
-  step.F.setIdentity(6, 6);
-  step.F.block<3, 3>(0, 3) = -so3::hat(step.pose.translation() - filter.pose().translation());
-  step.Q = covariance;
-  filter.propagate(step);
-  filter.settle();
-}
 
 Recovery::Recovery(const Options& options, const MotionModel& motion)
     : options_(options), motion_(&motion), monitor_(options.monitor) {}
@@ -122,10 +112,8 @@ void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covar
 }
 
 bool Recovery::relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance) {
-  resetPose(filter, filter.pose().inverse() * pose, anyPose());
   monitor_.restart();
-  const auto told = LinearMeasurement(Vector6d::Zero(), covariance).by(0, Matrix6d::Identity());
-  return filter.correct(told) && isValid(filter, true);
+  return tellPose(filter, pose, covariance);
 }
 
 std::optional<Eigen::Matrix3d> Recovery::noiseOf(const Sample& last, Stamp now) const {

@@ -39,7 +39,7 @@ Landmark LandmarkMap::takeInactive(Handle variable) {
 
 bool LandmarkMap::isGood(const Landmark& landmark) const {
   return options_.keep == MapKeep::kAll || landmark.in_map ||
-         (landmark.observations >= kArchivedObservations &&
+         (landmark.id % options_.one_in == 0 && landmark.observations >= kArchivedObservations &&
           secondsBetween(landmark.first_seen, landmark.last_seen) >= options_.min_track_s);
 }
 
@@ -93,14 +93,19 @@ void LandmarkMap::bound(Filter& filter, bool all) {
 }
 
 void LandmarkMap::adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance,
-                        Eigen::MatrixXd cross) {
+                        Eigen::MatrixXd cross, bool renumbered) {
   inactive_.clear();
   inactive_by_id_.clear();
   std::vector<Eigen::Vector3d> positions;
   for (const SavedLandmark& landmark : map.landmarks) positions.push_back(landmark.position);
   const std::vector<Handle> handles = filter.adopt(positions, std::move(covariance), std::move(cross));
-  for (std::size_t i = 0; i < handles.size(); ++i)
-    putInactive({map.landmarks[i].id, handles[i], map.landmarks[i].observations, map.stamp, map.stamp});
+  for (std::size_t i = 0; i < handles.size(); ++i) {
+    const SavedLandmark& from = map.landmarks[i];
+    Landmark landmark{renumbered ? kRenumbered + i : from.id, handles[i], from.observations, map.stamp,
+                      map.stamp};
+    landmark.descriptors = from.descriptors;
+    putInactive(std::move(landmark));
+  }
 }
 
 void LandmarkMap::clear() {

@@ -18,9 +18,12 @@ constexpr double kRadius = 70.0; // m about the vehicle
 constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
 constexpr std::size_t kLeastBefore = 40;   // landmarks, for a place to be recognised
 constexpr std::size_t kLeastAgreeing = 10; // matches that the filter itself must find compatible
+constexpr double kWayBetween = 5.0;        // m, between two attempts that confirm each other
 constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner found before, but near it
 
 } // namespace
+
+PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
 
 bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
   // Without a bound, since a place that is recognised takes all of it. The cost goes up and down with what is
@@ -53,6 +56,7 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
   }
   const auto recognition = recognisePlace(seen_now, seen_before, about, covariance);
   if (!recognition) return false;
+  if (!agreement_.confirms(*recognition, about, kWayBetween)) return false;
 
   allowance_ = 0.0;
   std::vector<FeatureId> ids;

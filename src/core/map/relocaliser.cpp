@@ -4,10 +4,12 @@
 #include <Eigen/Eigenvalues>
 #include <utility>
 
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/filter/validity.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/points.hpp"
 
 namespace vi_ekf_slam {
@@ -21,8 +23,17 @@ constexpr double kBetweenFailures = 5.0; // s, of the costly part
 constexpr double kCornerSigma = 0.05;    // m, by which a front end finds a corner elsewhere another time
 constexpr double kCompatible = 11.345;   // chi-square, 3 degrees of freedom, 99 %
 constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
-constexpr double kLeastWidth = 0.5;      // m, of the points beside the line that they are nearest to
-constexpr double kRounding = 1e-12;      // of the largest variance
+constexpr double kShareOfLooks = 0.4;    // the same where looks alone say that they are
+constexpr std::size_t kMostLookUps = 25; // in a try: with 4000 landmarks two milliseconds
+// Tries that must agree where looks alone say what matches, landmarks that the first did not have, and the
+// way between the first and the last one, of the landmarks' distance.
+constexpr int kAttempts = 3;
+constexpr std::size_t kOthers = 3;
+constexpr double kWay = 0.15;
+constexpr double kLeastWidth = 0.5;  // m, of the points beside the line that they are nearest to
+constexpr double kLevel = 0.1;       // rad, between the vertical of two maps
+constexpr double kRounding = 1e-12;  // of the largest variance
+constexpr double kNewVariance = 1.0; // m^2, of errors that a drive adds to those of its map
 
 /// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
 Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
@@ -67,18 +78,18 @@ Eigen::MatrixXd blocksOf(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::
 
 /// Landmarks that are here (in this drive's frame) and there (in the map's), with the joint covariance of
 /// their errors in either frame (3n x 3n).
-struct Matches {
-  std::vector<FeatureId> ids;
+struct MatchedPoints {
+  std::vector<std::size_t> which; ///< of the candidates
   std::vector<Eigen::Vector3d> here, there;
   Eigen::MatrixXd covariance_here, covariance_there;
   Eigen::VectorXd weights; ///< 3n, 1/m^2: how well each is known from the vehicle
 
   void leaveOut(std::size_t one) {
-    Matches kept;
+    MatchedPoints kept;
     std::vector<Eigen::Index> rows;
-    for (std::size_t i = 0; i < ids.size(); ++i) {
+    for (std::size_t i = 0; i < which.size(); ++i) {
       if (i == one) continue;
-      kept.ids.push_back(ids[i]);
+      kept.which.push_back(which[i]);
       kept.here.push_back(here[i]);
       kept.there.push_back(there[i]);
       rows.push_back(3 * static_cast<Eigen::Index>(i));
@@ -89,30 +100,30 @@ struct Matches {
   }
 };
 
-/// The rigid transform there_T_here on which most of them agree, whatever the others are.
-std::optional<SE3> roughAlignment(const Matches& m) {
+/// The rigid transform there_T_here on which at least `share` of them agree, whatever the others are.
+std::optional<SE3> roughAlignment(const MatchedPoints& m, double share) {
   const auto shape_here = shapeCovariances(m.here, m.covariance_here, m.weights);
   const auto shape_there = shapeCovariances(m.there, m.covariance_there, m.weights);
   std::vector<Displaced> points;
-  for (std::size_t i = 0; i < m.ids.size(); ++i) {
+  for (std::size_t i = 0; i < m.which.size(); ++i) {
     // How the one is turned against the other is not known yet: its largest variance in every direction.
     const double variance = shape_here[i].selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
     points.push_back(
         {m.there[i], m.here[i],
          shape_there[i] + (variance + kCornerSigma * kCornerSigma) * Eigen::Matrix3d::Identity()});
   }
-  return commonMotion(points);
+  return commonMotion(points, share);
 }
 
 /// Leaves out the match that contradicts the others most, under the joint covariance, until none does; the
 /// others' transform is `there_T_here` from then on. With S the covariance of what is left of all, and r =
 /// S^-1 innovation, what one is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
-void keepCompatible(Matches& m, SE3& there_T_here) {
-  while (m.ids.size() >= kLeastMatches) {
-    const auto n = 3 * static_cast<Eigen::Index>(m.ids.size());
+void keepCompatible(MatchedPoints& m, SE3& there_T_here) {
+  while (m.which.size() >= kLeastMatches) {
+    const auto n = 3 * static_cast<Eigen::Index>(m.which.size());
     std::vector<Eigen::Vector3d> moved;
     Eigen::VectorXd innovation(n);
-    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+    for (std::size_t i = 0; i < m.which.size(); ++i) {
       moved.push_back(there_T_here * m.here[i]);
       innovation.segment<3>(3 * static_cast<Eigen::Index>(i)) = m.there[i] - moved[i];
     }
@@ -130,7 +141,7 @@ void keepCompatible(Matches& m, SE3& there_T_here) {
     const Eigen::VectorXd r = inverse * innovation;
     std::size_t worst = 0;
     double most = 0.0;
-    for (std::size_t i = 0; i < m.ids.size(); ++i) {
+    for (std::size_t i = 0; i < m.which.size(); ++i) {
       const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
       const Eigen::Vector3d own = r.segment<3>(row);
       const double chi_square = squaredMahalanobis(own, inverse.block<3, 3>(row, row));
@@ -161,49 +172,108 @@ void moveArchive(const SE3& map_T_session, const Filter& before, const Filter& a
 
 } // namespace
 
-Eigen::MatrixXd loadedCovariance(const SavedMap& map) {
+Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose) {
   double farthest2 = map.world_T_imu.translation().squaredNorm();
   for (const SavedLandmark& l : map.landmarks) farthest2 = std::max(farthest2, l.position.squaredNorm());
   Eigen::MatrixXd covariance = map.covariance;
   auto variances = covariance.diagonal();
   // Errors about the origin: what turns there shifts what is far away.
-  const double largest = variances.maxCoeff() + farthest2 * variances.segment<3>(3).maxCoeff();
+  const double largest = std::max({kNewVariance, variances.maxCoeff(), pose.diagonal().maxCoeff()}) +
+                         farthest2 * pose.diagonal().tail<3>().maxCoeff();
   variances.head<3>().array() += kRounding * largest;
   variances.tail(variances.size() - map.base()).array() += kRounding * largest;
   return covariance;
 }
 
-Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map) : map_(std::move(map)) {
-  for (std::size_t i = 0; i < map_->landmarks.size(); ++i) index_.emplace(map_->landmarks[i].id, i);
+Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map)
+    : map_(std::move(map)), agreement_(kAttempts, kOthers) {
+  std::vector<KnownLook> known;
+  for (std::size_t i = 0; i < map_->landmarks.size(); ++i) {
+    const SavedLandmark& l = map_->landmarks[i];
+    index_.emplace(l.id, i);
+    if (l.descriptors.isEmpty()) continue;
+    const Eigen::Index row = map_->rowOf(i);
+    known.push_back({i, l.position, map_->covariance.block<3, 3>(row, row), l.descriptors});
+  }
+  known_ = AppearanceIndex(std::move(known));
 }
 
 bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
                          const StereoModel& model, Stamp now) {
   if (next_attempt_ && now < *next_attempt_) return false;
   next_attempt_ = now + fromSeconds(kBetweenTries);
-  const std::optional<Place> place = find(filter, landmarks);
+  std::optional<Place> place = find(filter, landmarks, candidatesById(landmarks), kShareOfMatches);
+  if (!place) place = findByLooks(filter, landmarks);
   if (!place) return false;
   if (moveTo(*place, filter, landmarks, returning, model, now)) return true;
   next_attempt_ = now + fromSeconds(kBetweenFailures);
   return false;
 }
 
-std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter,
-                                                    const LandmarkMap& landmarks) const {
-  Matches m;
-  std::vector<Eigen::Index> rows_here, rows_there;
-  for (const Landmark& l : landmarks.active()) {
+Relocaliser::Candidates Relocaliser::candidatesById(const LandmarkMap& landmarks) const {
+  Candidates candidates;
+  for (std::size_t i = 0; i < landmarks.active().size(); ++i) {
+    const Landmark& l = landmarks.active()[i];
     const auto known = index_.find(l.id);
-    if (l.observations < kTellingObservations || l.reactivated || known == index_.end()) continue;
-    if (m.ids.size() == kMostPoints) break;
-    m.ids.push_back(l.id);
-    m.here.push_back(filter.variables().point(l.variable));
-    m.there.push_back(map_->landmarks[known->second].position);
-    rows_here.push_back(filter.rowOf(l.variable));
-    rows_there.push_back(map_->rowOf(known->second));
+    if (l.observations >= kTellingObservations && !l.reactivated && known != index_.end())
+      candidates.emplace_back(i, known->second);
   }
-  const std::size_t matches = m.ids.size();
+  return candidates;
+}
+
+/// Each that is looked up is compared with the whole map: where the vehicle is, is not known.
+Relocaliser::Candidates Relocaliser::candidatesByLooks(const LandmarkMap& landmarks) {
+  Candidates candidates;
+  std::unordered_map<FeatureId, LookUp> in_view;
+  std::size_t done = 0;
+  for (std::size_t i = 0; i < landmarks.active().size(); ++i) {
+    const Landmark& l = landmarks.active()[i];
+    if (l.observations < kTellingObservations || l.descriptors.isEmpty()) continue;
+    const auto last = look_ups_.find(l.id);
+    LookUp& look_up = in_view[l.id];
+    if (last != look_ups_.end()) look_up = last->second;
+    if (look_up.observations * 2 <= l.observations && done < kMostLookUps) {
+      ++done;
+      look_up.observations = l.observations;
+      look_up.known = known_.find(l.descriptors, [](const KnownLook&) { return true; });
+    }
+    if (look_up.known) candidates.emplace_back(i, known_[*look_up.known].id);
+  }
+  look_ups_.swap(in_view);
+  return candidates;
+}
+
+std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,
+                                                           const LandmarkMap& landmarks) {
+  if (known_.isEmpty()) return std::nullopt;
+  auto place = find(filter, landmarks, candidatesByLooks(landmarks), kShareOfLooks);
+  if (!place) return std::nullopt;
+  place->by_id = false;
+  Recognition recognition{place->map_T_session, {}};
+  std::vector<Eigen::Vector3d> there;
+  for (const auto& [id, known] : place->matches) {
+    recognition.matches.emplace_back(id, known);
+    there.push_back(map_->landmarks[known].position);
+  }
+  const Eigen::Vector3d about = filter.pose().translation();
+  const double distance = (centreOf(there) - place->map_T_session * about).norm();
+  return agreement_.confirms(recognition, about, kWay * distance) ? place : std::nullopt;
+}
+
+std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const LandmarkMap& landmarks,
+                                                    const Candidates& candidates, double share) const {
+  const std::size_t matches = std::min(candidates.size(), kMostPoints);
   if (matches < kLeastMatches) return std::nullopt;
+  MatchedPoints m;
+  std::vector<Eigen::Index> rows_here, rows_there;
+  for (std::size_t i = 0; i < matches; ++i) {
+    const Landmark& l = landmarks.active()[candidates[i].first];
+    m.which.push_back(i);
+    m.here.push_back(filter.variables().point(l.variable));
+    m.there.push_back(map_->landmarks[candidates[i].second].position);
+    rows_here.push_back(filter.rowOf(l.variable));
+    rows_there.push_back(map_->rowOf(candidates[i].second));
+  }
   m.covariance_here = blocksOf(filter.covariance(), rows_here);
   m.covariance_there = blocksOf(map_->covariance, rows_there);
   m.weights.resize(3 * static_cast<Eigen::Index>(matches));
@@ -213,39 +283,41 @@ std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter,
         m.covariance_here.block<3, 3>(row, row).trace() / 3.0 + kCornerSigma * kCornerSigma;
     m.weights.segment<3>(row).setConstant(1.0 / variance);
   }
-  const auto motion = roughAlignment(m);
+  const auto motion = roughAlignment(m, share);
   if (!motion) return std::nullopt;
   Place place{*motion, {}};
   keepCompatible(m, place.map_T_session);
-  const bool enough = m.ids.size() >= kLeastMatches &&
-                      static_cast<double>(m.ids.size()) >= kShareOfMatches * static_cast<double>(matches);
+  const bool enough = m.which.size() >= kLeastMatches &&
+                      static_cast<double>(m.which.size()) >= share * static_cast<double>(matches);
   if (!enough || widthOf(m.there) <= kLeastWidth) return std::nullopt;
-  place.ids = m.ids;
+  for (const std::size_t i : m.which)
+    place.matches.emplace_back(landmarks.active()[candidates[i].first].id, candidates[i].second);
   return place;
 }
 
 /// All is where it is in the map's frame, as unsure of where the vehicle is there as can be. What this drive
 /// saw before stays in the map as estimates without correlation.
-void Relocaliser::enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks) const {
+void Relocaliser::enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks,
+                        bool renumbered) const {
   landmarks.bound(filter, true);
   for (std::size_t i = landmarks.active().size(); i-- > 0;) {
     if (landmarks.active()[i].reactivated) landmarks.discard(filter, i);
   }
   filter.moveWorld(map_T_session);
-  filter.addNoise(0, anyPose());
+  filter.addNoise(0, anyPose(filter.isLevel()));
   const Eigen::Index rows = map_->covariance.rows() - map_->base();
-  landmarks.adopt(filter, *map_, loadedCovariance(*map_).bottomRightCorner(rows, rows),
-                  Eigen::MatrixXd::Zero(filter.rows(), rows));
+  landmarks.adopt(filter, *map_, loadedCovariance(*map_, anyPose()).bottomRightCorner(rows, rows),
+                  Eigen::MatrixXd::Zero(filter.rows(), rows), renumbered);
 }
 
 bool Relocaliser::placeAt(const SE3& pose, const Matrix6d& covariance, Filter& filter,
                           LandmarkMap& landmarks) const {
   Filter moved = filter;
   LandmarkMap map = landmarks;
-  const SE3 map_T_session = pose * filter.pose().inverse();
+  const SE3 there = filter.isLevel() ? levelled(pose, filter.pose()) : pose;
+  const SE3 map_T_session = there * filter.pose().inverse();
   enter(map_T_session, moved, map);
-  const auto told = LinearMeasurement(Vector6d::Zero(), covariance).by(0, Matrix6d::Identity());
-  if (!moved.correct(told) || !isValid(moved, true)) return false;
+  if (!tellPose(moved, there, covariance)) return false;
   moved.settle();
   moveArchive(map_T_session, filter, moved, map);
   filter = std::move(moved);
@@ -253,18 +325,33 @@ bool Relocaliser::placeAt(const SE3& pose, const Matrix6d& covariance, Filter& f
   return true;
 }
 
-/// The vehicle's landmarks of these ids are fused with the map's, which tells where it is there.
+/// The vehicle's landmarks of these matches are fused with the map's, which tells where it is there.
 bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
                          ReturningLandmarks& returning, const StereoModel& model, Stamp now) const {
   Filter moved = filter;
   LandmarkMap map = landmarks;
   ReturningLandmarks returning_there = returning;
   returning_there.restart();
-  enter(place.map_T_session, moved, map);
-  if (returning_there.fuse(moved, map, model, now, place.ids, kLeastFused) < kLeastFused ||
-      !isValid(moved, true))
-    return false;
-  moveArchive(place.map_T_session, filter, moved, map);
+  SE3 map_T_session = place.map_T_session;
+  if (filter.isLevel()) {
+    // Both maps' z axes point up: what the points tell of the tilt is their noise, or not this place.
+    const SE3 there = map_T_session * filter.pose(), level = levelled(there, filter.pose());
+    if (so3::Log(level.rotation().transpose() * there.rotation()).norm() > kLevel) return false;
+    map_T_session = level * filter.pose().inverse();
+  }
+  enter(map_T_session, moved, map, !place.by_id);
+  std::size_t fused = 0;
+  if (place.by_id) {
+    std::vector<FeatureId> ids;
+    for (const auto& [id, known] : place.matches) ids.push_back(id);
+    fused = returning_there.fuse(moved, map, model, now, ids, kLeastFused);
+  } else {
+    Matches matches;
+    for (const auto& [id, known] : place.matches) matches.emplace_back(id, LandmarkMap::kRenumbered + known);
+    fused = fuseMatches(moved, map, matches, {}, now, kLeastFused, kCornerSigma).count();
+  }
+  if (fused < kLeastFused || !isValid(moved, true)) return false;
+  moveArchive(map_T_session, filter, moved, map);
   filter = std::move(moved);
   landmarks = std::move(map);
   returning = std::move(returning_there);

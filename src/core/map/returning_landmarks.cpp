@@ -1,16 +1,13 @@
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 
 #include <algorithm>
-#include <utility>
 
-#include "vi_ekf_slam/core/map/duplicates.hpp"
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
-// Operations that may be spent on settling, on the average: a tenth of a core.
-constexpr double kSettlingPerSecond = 2e9;
-constexpr double kMostSaved = 10.0; // s of them
+constexpr double kMostSaved = 10.0; // s of operations
 // Before a landmark is compared with what was seen of it before: observations, and the standard deviation of
 // its distance, up to which its error is one of straight coordinates. Of a far one the pixels tell the
 // inverse of the distance: a dozen of them, new and each a little wrong to the same side, would move the pose
@@ -37,7 +34,8 @@ bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId ina
   return filter.inactive().deactivatedSince(map.inactiveVariable(inactive)) > map.active().size();
 }
 
-/// Inactive landmarks before the camera, the nearest first, that have been out of view for some time.
+} // namespace
+
 std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
   const SE3 cam_T_world = model.camTWorld(filter);
   std::vector<std::pair<double, FeatureId>> near;
@@ -54,8 +52,6 @@ std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, 
   return ids;
 }
 
-} // namespace
-
 bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model,
                                     Stamp now) {
   return landmark.reactivated && secondsBetween(landmark.last_seen, now) < kExpectedTime &&
@@ -66,8 +62,7 @@ std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const S
                                        double seconds) {
   if (filter.inactive().isEmpty()) return 0;
   const double cost = filter.inactive().settlingCost();
-  allowance_ =
-      std::min(allowance_ + seconds * kSettlingPerSecond, std::max(cost, kMostSaved * kSettlingPerSecond));
+  allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
   std::vector<FeatureId> ids;
   std::unordered_set<FeatureId> in_view;
   for (const Landmark& landmark : map.active()) {
@@ -80,36 +75,21 @@ std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const S
   elsewhere_.swap(in_view);
   if (ids.size() < kLeast || allowance_ < cost) return 0;
   allowance_ -= cost;
-  return fuse(filter, map, model, now, std::move(ids), kLeast);
+  return fuse(filter, map, model, now, ids, kLeast);
 }
 
 std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                     std::vector<FeatureId> ids, std::size_t least) {
+                                     const std::vector<FeatureId>& ids, std::size_t least) {
   const auto index = map.indexById();
-  const std::size_t first = map.active().size(), pairs = ids.size();
+  Matches matches;
+  for (const FeatureId id : ids) matches.emplace_back(id, id);
+  std::vector<FeatureId> expected;
   for (const FeatureId id : soonInView(filter, map, model)) {
-    if (!index.count(id)) ids.push_back(id);
+    if (!index.count(id)) expected.push_back(id);
   }
-  map.reactivate(filter, ids, now);
-  std::vector<Duplicate> duplicates;
-  for (std::size_t i = 0; i < pairs; ++i)
-    duplicates.push_back({map.active()[index.at(ids[i])].variable, map.active()[first + i].variable});
-  const Fusion fusion = fuseDuplicates(filter, duplicates, least, kSamePoint);
-  const bool recognised = fusion.count() > 0;
-  // From behind: whoever takes a place comes from behind it.
-  for (std::size_t i = ids.size(); i-- > pairs;) {
-    if (!recognised) map.deactivate(filter, first + i);
-  }
-  for (std::size_t i = pairs; i-- > 0;) {
-    if (fusion.fused[i]) {
-      Landmark& landmark = map.active(index.at(ids[i]));
-      landmark.observations += map.active()[first + i].observations;
-      landmark.in_map = true;
-      map.discard(filter, first + i);
-    } else {
-      map.deactivate(filter, first + i);
-      elsewhere_.insert(ids[i]);
-    }
+  const Fusion fusion = fuseMatches(filter, map, matches, expected, now, least, kSamePoint);
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    if (!fusion.fused[i]) elsewhere_.insert(ids[i]);
   }
   return fusion.count();
 }

@@ -65,7 +65,7 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
         inactive.covariance().diagonal().segment<3>(row).maxCoeff() > kVaguest * kVaguest)
       continue;
     const Landmark& landmark = landmarks.inactive(variable.handle);
-    map.landmarks.push_back({landmark.id, variable.mean, landmark.observations});
+    map.landmarks.push_back({landmark.id, variable.mean, landmark.observations, landmark.descriptors});
     rows.push_back(row);
   }
   const Eigen::MatrixXd same = sameRows(map, filter);
@@ -88,7 +88,7 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
 }
 
 void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks) {
-  const Eigen::MatrixXd P = loadedCovariance(map);
+  const Eigen::MatrixXd P = loadedCovariance(map, map.covariance.topLeftCorner<6, 6>());
   const Eigen::Index base = map.base(), rows = P.rows() - base;
   const Eigen::MatrixXd known = sameRows(map, filter).transpose();
   const Eigen::VectorXd unknown = 1.0 - known.rowwise().sum().array();

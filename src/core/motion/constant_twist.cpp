@@ -5,12 +5,6 @@
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
 
 namespace vi_ekf_slam {
-namespace {
-
-Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
-
-} // namespace
-
 void ConstantTwist::addTo(Filter& filter) {
   twist_ = filter.augment(Chart::kVector, Vector6d::Zero(),
                           options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix(), {}, kTwist);
@@ -51,7 +45,7 @@ void ConstantTwist::propagate(Filter& filter, double dt) const {
   filter.propagate(step);
 }
 
-void ConstantTwist::process(Filter& filter, const GyroSample& sample) const {
+void ConstantTwist::process(Filter& filter, const ImuSample& sample) const {
   filter.correct(measureTwist(filter, twist_, bias_, 3, sample.angular_velocity, noiseOf(sample)));
 }
 
@@ -59,7 +53,7 @@ void ConstantTwist::process(Filter& filter, const VelocitySample& sample) const 
   filter.correct(measureTwist(filter, twist_, bias_, 0, sample.linear_velocity, noiseOf(sample)));
 }
 
-Eigen::Matrix3d ConstantTwist::noiseOf(const GyroSample& sample) const {
+Eigen::Matrix3d ConstantTwist::noiseOf(const ImuSample& sample) const {
   return sample.covariance.value_or(isotropic(options_.gyro_sigma));
 }
 

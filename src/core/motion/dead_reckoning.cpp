@@ -2,7 +2,7 @@
 
 namespace vi_ekf_slam {
 
-void DeadReckoning::process(const GyroSample& sample) {
+void DeadReckoning::process(const ImuSample& sample) {
   advanceTo(sample.stamp);
   twist_.tail<3>() = sample.angular_velocity;
 }
@@ -10,6 +10,11 @@ void DeadReckoning::process(const GyroSample& sample) {
 void DeadReckoning::process(const VelocitySample& sample) {
   advanceTo(sample.stamp);
   twist_.head<3>() = sample.linear_velocity;
+}
+
+void DeadReckoning::setTwist(Stamp stamp, const Vector6d& twist) {
+  advanceTo(stamp);
+  twist_ = twist;
 }
 
 void DeadReckoning::advanceTo(Stamp stamp) {

@@ -59,11 +59,12 @@ void StandstillDetector::addFrame(const StereoFrame& frame) {
 }
 
 bool StandstillDetector::stands(Stamp now) const {
-  if (!coversWindow(velocities_, now) || !coversWindow(rates_, now)) return false;
-  if (!agreesWithZero(velocities_, Eigen::Vector3d::Zero()) || !agreesWithZero(rates_, bias_variance_))
-    return false;
+  const bool has_velocity = coversWindow(velocities_, now);
+  if ((!has_velocity && needs_velocity_) || !coversWindow(rates_, now)) return false;
+  if (has_velocity && !agreesWithZero(velocities_, Eigen::Vector3d::Zero())) return false;
+  if (!agreesWithZero(rates_, bias_variance_)) return false;
   const Picture seen = picture(now);
-  if (seen != Picture::kUnknown) return seen == Picture::kStill;
+  if (seen != Picture::kUnknown || !has_velocity) return seen == Picture::kStill;
   const Mean velocity = meanOf(velocities_);
   return std::sqrt(velocity.variance.maxCoeff()) < kTellingVelocity && velocity.value.norm() < kSlowest;
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
@@ -23,11 +25,12 @@ LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, 
       .by(filter.rowOf(bias) + axis, Eigen::Matrix3d::Identity());
 }
 
+Matrix6d standstillNoise(double dt) {
+  return kStandstillPeriod / std::max(dt, 1e-3) * independentPose(kStandstillVelocity, kStandstillRate);
+}
+
 LinearMeasurement measureStandstill(const Filter& filter, Handle twist, double dt) {
-  Vector6d sigma;
-  sigma << Eigen::Vector3d::Constant(kStandstillVelocity), Eigen::Vector3d::Constant(kStandstillRate);
-  const Vector6d variance = kStandstillPeriod / std::max(dt, 1e-3) * sigma.cwiseAbs2();
-  return LinearMeasurement(-filter.variables().mean(twist), Matrix6d(variance.asDiagonal()))
+  return LinearMeasurement(-filter.variables().mean(twist), standstillNoise(dt))
       .by(filter.rowOf(twist), Matrix6d::Identity());
 }
 

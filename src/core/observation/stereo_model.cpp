@@ -1,7 +1,9 @@
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
+#include <algorithm>
 #include <cmath>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/observation/inverse_depth.hpp"
 
 namespace vi_ekf_slam {
@@ -16,10 +18,10 @@ Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3
 
 } // namespace
 
-bool StereoModel::isUsable(const StereoPixels& pixels) const {
+bool StereoModel::isUsable(const StereoPixels& pixels, double sigma) const {
   return pixels.allFinite() && pixels.cwiseAbs().maxCoeff() <= kMaxPixel &&
          pixels[0] - pixels[2] >= options_.min_disparity &&
-         std::abs(pixels[1] - pixels[3]) <= kSameRow * options_.pixel_sigma;
+         std::abs(pixels[1] - pixels[3]) <= kSameRow * sigmaOf(sigma);
 }
 
 /// The flow by which a landmark tells the distance d is f(rho) d, weighed by f(rho): a point whose noise puts
@@ -27,61 +29,95 @@ bool StereoModel::isUsable(const StereoPixels& pixels) const {
 /// the distance would be lost on the average. With rho - sigma_rho^2 / rho, the mean under a prior 1 / rho,
 /// E[rho (rho d - rho^ d)] is zero to that order. Half of it for each picture: the direction from the middle
 /// of the pair is independent of the disparity.
-StereoPixels StereoModel::withoutBias(const StereoPixels& pixels) const {
-  const double shift = options_.pixel_sigma * options_.pixel_sigma / (pixels[0] - pixels[2]);
+StereoPixels StereoModel::withoutBias(const StereoPixels& pixels, double sigma) const {
+  const double shift = sigma * sigma / (pixels[0] - pixels[2]);
   return pixels + StereoPixels(-shift, 0.0, shift, 0.0);
 }
 
-/// With the baseline b (1 + s).
-StereoCamera StereoModel::cameraOf(const Filter& filter) const {
-  StereoCamera camera = rig_.camera;
-  if (scale_) camera.baseline *= 1.0 + filter.variables().mean(*scale_)[0];
-  return camera;
+SE3 StereoModel::camTWorld(const Filter& filter, const Eigen::VectorXd& rig_error) const {
+  SE3 pose = filter.pose();
+  if (variables_.hasTimeOffset()) {
+    const double ahead = variables_.timeOffset(filter, rig_error) - time_offset_;
+    pose = pose * SE3(so3::Exp(ahead * twist_.tail<3>()), ahead * twist_.head<3>());
+  }
+  return variables_.camTImu(filter, rig_.cam_T_imu, rig_error) * pose.inverse();
 }
 
 std::optional<LinearMeasurement> StereoModel::observe(const Filter& filter, Handle landmark,
-                                                      const StereoPixels& pixels) const {
+                                                      const StereoPixels& pixels, double sigma) const {
   const SE3 cam_T_world = camTWorld(filter);
-  const StereoCamera camera = cameraOf(filter);
+  const StereoCamera camera = variables_.camera(filter, rig_.camera);
   const Eigen::Vector3d q = cam_T_world * filter.variables().point(landmark);
   if (!(q.z() >= options_.min_depth_m)) return std::nullopt;
   const Eigen::Matrix<double, 4, 3> by_point = camera.projectJacobian(q);
   Eigen::Matrix3d J;
   J << by_point.row(0), by_point.row(1), by_point.row(2);
-  LinearMeasurement z(reduced(pixels) - reduced(camera.project(q)), noise());
+  LinearMeasurement z(reduced(pixels) - reduced(camera.project(q)), noise(sigma));
   z.by(filter.rowOf(landmark), Eigen::Matrix3d(J * cam_T_world.rotation()));
-  // u_right = u_left - f b (1 + s) / z
-  if (scale_)
-    z.by(filter.rowOf(*scale_), Eigen::Vector3d(0.0, 0.0, -camera.fu * rig_.camera.baseline / q.z()));
+  if (variables_.isNone()) return z;
+  const Eigen::Matrix3Xd H = J * variables_.pointJacobian(filter, rig_.cam_T_imu, twist_)(q);
+  for (Eigen::Index column = 0, size = 0; column < H.cols(); column += size) {
+    size = std::min<Eigen::Index>(H.cols() - column, SmallMatrix::MaxColsAtCompileTime);
+    z.by(variables_.row(filter) + column, H.middleCols(column, size));
+  }
   return z;
 }
 
 std::optional<StereoModel::Triangulated> StereoModel::triangulate(const Filter& filter,
-                                                                  const StereoPixels& measured) const {
+                                                                  const StereoPixels& measured,
+                                                                  double given) const {
+  const double sigma = sigmaOf(given);
   if (!(measured[0] > measured[2])) return std::nullopt;
-  const StereoCamera camera = cameraOf(filter);
-  const StereoPixels pixels = options_.unbiased_starts ? withoutBias(measured) : measured;
+  const StereoCamera camera = variables_.camera(filter, rig_.camera);
+  const StereoPixels pixels = options_.unbiased_starts ? withoutBias(measured, sigma) : measured;
   const auto q = camera.triangulate(pixels);
   if (!q || q->z() < options_.min_depth_m || q->z() > options_.max_depth_m) return std::nullopt;
   const SE3 world_T_cam = camTWorld(filter).inverse();
-  const Eigen::Matrix<double, 3, 4> J =
-      options_.pixel_sigma * world_T_cam.rotation() * camera.triangulateJacobian(pixels);
+  const Eigen::Matrix<double, 3, 4> J = sigma * world_T_cam.rotation() * camera.triangulateJacobian(pixels);
   Triangulated result{world_T_cam * *q, J * J.transpose(), {}};
-  // The depth, and with it q, is in proportion to the baseline.
-  if (scale_)
-    result.by = {filter.rowOf(*scale_),
-                 world_T_cam.rotation() * *q / (1.0 + filter.variables().mean(*scale_)[0])};
+  if (variables_.isNone()) return result;
+  const Eigen::Matrix3Xd Q = variables_.pointJacobian(filter, rig_.cam_T_imu, twist_)(*q);
+  result.by = {variables_.row(filter), -(world_T_cam.rotation() * Q)};
   return result;
 }
 
-Eigen::Matrix3d StereoModel::noise() const {
-  const double variance = options_.pixel_sigma * options_.pixel_sigma;
+Eigen::Matrix3d StereoModel::noise(double sigma) const {
+  const double variance = sigmaOf(sigma) * sigmaOf(sigma);
   return Eigen::Vector3d(variance, 0.5 * variance, variance).asDiagonal();
 }
 
-PointChart StereoModel::inverseDepthChart(const Filter& filter) const {
-  const Eigen::Matrix3d cam_R_before = rig_.cam_T_imu.rotation() * filter.pose().rotation().transpose();
-  const Eigen::Vector3d t = rig_.cam_T_imu.translation();
+/// What is corrected is q = R way + t as the pair sees it, R being cam_R_world, whose error is that of y and,
+/// with Q = dq/dr, that of the calibration r: R y + Q r. With R', t' and Q' of the corrected calibration and
+/// point, and k by what its baseline grew, y <- R'^T (k M (R y + Q r) - Q' r).
+PointChart StereoModel::inverseDepthChart(const Filter& filter, const Eigen::VectorXd& error) const {
+  const SE3 cam_T_world = camTWorld(filter);
+  const Eigen::Matrix3d cam_R_before = cam_T_world.rotation();
+  const Eigen::Vector3d t = cam_T_world * filter.pose().translation();
+  if (!variables_.isNone()) {
+    const Eigen::Index row = variables_.row(filter);
+    Eigen::VectorXd r = Eigen::VectorXd::Zero(variables_.size());
+    if (error.size() > 0) r = error.segment(row, r.size());
+    const SE3 corrected = camTWorld(filter, r);
+    const Eigen::Matrix3d cam_R_after = corrected.rotation();
+    const Eigen::Vector3d t_after = corrected * filter.pose().translation();
+    const auto before = variables_.pointJacobian(filter, rig_.cam_T_imu, twist_);
+    const auto after = variables_.pointJacobian(filter, rig_.cam_T_imu, twist_, r);
+    const double growth = variables_.scale(filter, r) / variables_.scale(filter);
+    const auto move = [=](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
+                          const Eigen::Vector3d& d) -> std::optional<MovedPoint> {
+      const Eigen::Matrix3d R = cam_R_before * turn.transpose();
+      const Eigen::Matrix3d to_world = turn * cam_R_after.transpose();
+      const Eigen::Vector3d q = R * way + t;
+      if (!InverseDepth::isDefined(q)) return std::nullopt;
+      const Eigen::Matrix3Xd Q = before(q);
+      const Eigen::Vector3d moved = InverseDepth::moved(q, R * d + Q * r);
+      const Eigen::Matrix3d M = growth * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q);
+      const Eigen::Vector3d now = growth * moved;
+      return MovedPoint{
+          to_world * (now - t_after), to_world * M * R, {row, to_world * (M * Q - after(now))}};
+    };
+    return {move, cam_R_before.transpose() * before.turn(r)};
+  }
   return [cam_R_before, t](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
                            const Eigen::Vector3d& d) -> std::optional<MovedPoint> {
     const Eigen::Matrix3d R = cam_R_before * turn.transpose();
@@ -89,7 +125,7 @@ PointChart StereoModel::inverseDepthChart(const Filter& filter) const {
     if (!InverseDepth::isDefined(q)) return std::nullopt;
     const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
     return MovedPoint{R.transpose() * (moved - t),
-                      R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R};
+                      R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R, {}};
   };
 }
 

@@ -6,7 +6,7 @@ PaperEstimator::PaperEstimator(const PaperConfig& config) : config_(config), map
   pose_.covariance = config.prior_pose_variance * Matrix6d::Identity();
 }
 
-void PaperEstimator::process(const GyroSample& sample) {
+void PaperEstimator::process(const ImuSample& sample) {
   predictTo(sample.stamp);
   held_.process(sample);
 }

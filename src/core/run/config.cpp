@@ -1,5 +1,9 @@
 #include "vi_ekf_slam/core/run/config.hpp"
 
+#include <filesystem>
+
+#include "vi_ekf_slam/core/run/imu_calibration.hpp"
+#include "vi_ekf_slam/core/run/rig_calibration.hpp"
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
@@ -51,8 +55,61 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);
   section.read("slip_length_m", Range::positive(), invariant.slip.length_m);
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
-  section.read("scale_sigma", Range::closed(0.0, 0.2), invariant.scale_sigma);
+  section.read("max_tracked", Range::closed(1.0, 1e5), invariant.max_tracked);
   section.finish();
+}
+
+/// A file that a configuration names: beside it, where that is a file.
+std::string pathBeside(const std::string& source, const std::string& named) {
+  const std::filesystem::path file(named), beside(source);
+  const bool is_beside = file.is_relative() && std::filesystem::is_regular_file(beside);
+  return is_beside ? (beside.parent_path() / file).string() : named;
+}
+
+void readInertial(YamlSection section, const std::string& source, Inertial::Options& inertial) {
+  std::string calibration;
+  section.read("imu_calibration", calibration);
+  Eigen::VectorXd noise(4), bias(2);
+  ImuNoise& n = inertial.noise;
+  noise << n.gyro_density, n.accelerometer_density, n.gyro_walk, n.accelerometer_walk;
+  bias << inertial.gyro_bias_sigma, inertial.accelerometer_bias_sigma;
+  section.read("imu_noise", Range::positive(), noise);
+  section.read("imu_bias_sigma", Range::positive(), bias);
+  section.read("gravity", Range::closed(1.0, 30.0), inertial.gravity);
+  section.finish();
+  n = {noise[0], noise[1], noise[2], noise[3]};
+  inertial.gyro_bias_sigma = bias[0];
+  inertial.accelerometer_bias_sigma = bias[1];
+  if (calibration.empty()) return;
+  inertial.noise_file = pathBeside(source, calibration);
+  n = readImuCalibration(inertial.noise_file);
+  inertial.noise_given = true;
+}
+
+void readCalibration(YamlSection section, const std::string& source, RigVariables::Options& rig) {
+  std::string file;
+  double rotation = rig.rotation_sigma[0], translation = rig.translation_sigma[0];
+  section.read("file", file);
+  section.read("rotation_sigma", Range::closed(0.0, 0.2), rotation);
+  section.read("translation_sigma", Range::closed(0.0, 1.0), translation);
+  section.read("time_offset", Range::closed(-1.0, 1.0), rig.time_offset);
+  section.read("time_offset_sigma", Range::closed(0.0, 0.2), rig.time_offset_sigma);
+  section.read("scale_sigma", Range::closed(0.0, 0.2), rig.scale_sigma);
+  section.finish();
+  rig.rotation_sigma.setConstant(rotation);
+  rig.translation_sigma.setConstant(translation);
+  if (file.empty()) return;
+  const RigEstimate known = readRigCalibration(pathBeside(source, file));
+  rig.known = {known.rig.cam_T_imu, known.rig.camera.baseline};
+  rig.time_offset = known.time_offset;
+  // What is to be estimated goes on from there.
+  if (rotation > 0.0 && known.rotation_sigma.minCoeff() > 0.0) rig.rotation_sigma = known.rotation_sigma;
+  if (translation > 0.0 && known.translation_sigma.minCoeff() > 0.0)
+    rig.translation_sigma = known.translation_sigma;
+  if (rig.time_offset_sigma > 0.0 && known.time_offset_sigma > 0.0)
+    rig.time_offset_sigma = known.time_offset_sigma;
+  if (rig.scale_sigma > 0.0 && known.baseline_sigma > 0.0)
+    rig.scale_sigma = known.baseline_sigma / known.rig.camera.baseline;
 }
 
 void readMap(YamlSection section, InvariantConfig& invariant) {
@@ -61,7 +118,11 @@ void readMap(YamlSection section, InvariantConfig& invariant) {
       "keep", {{"none", MapKeep::kNone}, {"good", MapKeep::kGood}, {"all", MapKeep::kAll}}, map.keep);
   section.read("min_track_s", Range::closed(0.0, 1e6), map.min_track_s);
   section.read("max_landmarks", Range::closed(0.0, 20000.0), map.max_landmarks);
-  section.read("recognise_places", invariant.recognise_places);
+  section.readChoice<PlaceRecognition>("recognise_places",
+                                       {{"false", PlaceRecognition::kNone},
+                                        {"descriptors", PlaceRecognition::kDescriptors},
+                                        {"constellation", PlaceRecognition::kConstellation}},
+                                       invariant.recognise_places);
   section.finish();
 }
 
@@ -85,7 +146,16 @@ Config parseConfig(const std::string& yaml, const std::string& source,
                                  {{"invariant", EstimatorType::kInvariant}, {"paper", EstimatorType::kPaper}},
                                  config.estimator);
   readBuffer(root.section("buffer"), config.buffer);
+  root.readChoice<MotionChoice>("motion",
+                                {{"auto", MotionChoice::kAuto},
+                                 {"constant_twist", MotionChoice::kConstantTwist},
+                                 {"inertial", MotionChoice::kInertial}},
+                                config.invariant.choice);
   readInvariant(root.section("invariant"), config.invariant);
+  readInertial(root.section("inertial"), source, config.invariant.inertial);
+  config.invariant.inertial.velocity_sigma = config.invariant.motion.prior_twist_sigma[0];
+  config.invariant.inertial.measured_velocity_sigma = config.invariant.motion.velocity_sigma;
+  readCalibration(root.section("calibration"), source, config.invariant.rig);
   readMap(root.section("map"), config.invariant);
   readPaper(root.section("paper"), config.paper);
   readStudies(root.section("studies"), config.invariant);

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
+#include "vi_ekf_slam/core/run/rig_calibration.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -219,6 +220,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   const double sensor_s = sensorSeconds();
   std::ostringstream text;
   text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
+       << "\nmotion: " << quoted(summary.motion) << "\nnot_started: " << quoted(summary.not_started)
        << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
        << "\nposes_before_resets: " << list(earlierSizes()) << "\nframes: " << (hasFrames() ? size() : 0)
        << "\nlandmarks: " << landmarks
@@ -227,6 +229,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
+       << "\nframes_before_start: " << c.frames_before_start
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
        << "\nrelocalisations: " << c.relocalisations << format("\nblind_s: %.3f", c.blind_s)
        << "\nblind_periods: " << c.blind_periods << "\n"
@@ -234,13 +237,24 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
        << "\ngaps: " << c.gaps << "\n"
        << perStream("processed", c.processed) << perStream("late", c.late)
        << perStream("duplicate", c.duplicate) << perStream("stamp_ahead", c.ahead)
-       << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid) << "turned_away: {";
+       << perStream("stamp_behind", c.behind) << perStream("invalid", c.invalid)
+       << "imu: {stutters: " << summary.imu.stutters << ", backwards: " << summary.imu.backwards
+       << ", stops: " << summary.imu.stops << "}\nturned_away: {";
   const char* separator = "";
   for (const auto& [reason, count] : summary.turned_away) {
     text << separator << quoted(reason) << ": " << count;
     separator = ", ";
   }
   text << "}\n" << noises(summary.noise);
+  if (summary.rig && summary.rig->isEstimated()) {
+    const std::string calibration = rigCalibrationText(*summary.rig);
+    writeFile(pathIn(directory, kCalibration), calibration);
+    text << "calibration:\n";
+    std::istringstream lines(calibration);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.front() != '#') text << "  " << line << "\n";
+    }
+  }
   writeFile(pathIn(directory, kSummary), text.str());
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <regex>
 #include <sstream>
 
 namespace vi_ekf_slam {
@@ -162,6 +163,19 @@ void YamlSection::read(const std::string& key, const Range& range, std::size_t& 
   value = static_cast<std::size_t>(x);
 }
 
+Stamp YamlSection::stamp(const std::string& key) {
+  static const std::regex kSeconds(R"((\d{1,10})(?:\.(\d{1,9}))?)");
+  const YAML::Node node = find(key);
+  std::smatch parts;
+  const std::string text = node && node.IsScalar() ? node.Scalar() : std::string();
+  if (!std::regex_match(text, parts, kSeconds))
+    fail(key, node ? describe(node) : "missing",
+         "seconds since the epoch, with at most 9 digits behind the point");
+  std::string nanoseconds = parts[2].str();
+  nanoseconds.resize(9, '0');
+  return std::stoll(parts[1].str()) * 1000000000 + std::stoll(nanoseconds);
+}
+
 void YamlSection::read(const std::string& key, bool& value) {
   const YAML::Node node = find(key);
   if (node && !YAML::convert<bool>::decode(node, value)) fail(key, describe(node), "true or false");
@@ -181,6 +195,20 @@ void YamlSection::read(const std::string& key, const Range& range, Eigen::Ref<Ei
   for (Eigen::Index i = 0; i < size; ++i)
     value[i] = node.IsScalar() ? number(key, node, range)
                                : number(key + "[" + std::to_string(i) + "]", node[i], range);
+}
+
+double YamlSection::required(const std::string& key, const Range& range) {
+  double value = std::numeric_limits<double>::quiet_NaN();
+  read(key, range, value);
+  if (std::isnan(value)) fail(key, "missing", "a number");
+  return value;
+}
+
+Eigen::VectorXd YamlSection::required(const std::string& key, const Range& range, Eigen::Index size) {
+  Eigen::VectorXd value = Eigen::VectorXd::Constant(size, std::numeric_limits<double>::quiet_NaN());
+  read(key, range, value);
+  if (std::isnan(value[0])) fail(key, "missing", std::to_string(size) + " numbers");
+  return value;
 }
 
 void YamlSection::finish() const {

@@ -26,7 +26,7 @@ ClockGuard::Verdict ClockGuard::judge(Measurement& measurement, std::optional<St
       agrees && stampOf(held_.back()) == stamp && streamOf(held_.back()) == streamOf(measurement);
   if (!agrees || repeats) discard();
   if (!newest) gyro_believed_ = false;
-  const bool first_gyro = streamOf(measurement) == Stream::kGyro && !gyro_believed_;
+  const bool first_gyro = streamOf(measurement) == Stream::kImu && !gyro_believed_;
   if (first_gyro) gyro_believed_ = true;
   if (side == Side::kNear) return Verdict::kPass;
   held_side_ = side;

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
@@ -8,8 +9,6 @@ namespace {
 constexpr double kFresh = 0.5;            // s; an older rate is not of that moment
 constexpr double kUnknownRateSigma = 1.0; // rad/s
 constexpr double kMaxRateVariance = 1e6;  // (rad/s)^2; more says nothing, and could overflow
-
-Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
 
 } // namespace
 

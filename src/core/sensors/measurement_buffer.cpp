@@ -54,6 +54,13 @@ std::optional<Measurement> MeasurementBuffer::popRegardless() {
   return std::move(node.mapped());
 }
 
+const ImuSample* MeasurementBuffer::nextImu() const {
+  for (const auto& [key, measurement] : pending_) {
+    if (const auto* sample = std::get_if<ImuSample>(&measurement)) return sample;
+  }
+  return nullptr;
+}
+
 void MeasurementBuffer::clear() {
   pending_.clear();
   clocks_.fill({});

@@ -5,6 +5,7 @@
 
 #include "vi_ekf_slam/core/filter/validity.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
 namespace vi_ekf_slam {
@@ -18,17 +19,23 @@ constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
+std::shared_ptr<MotionModel> makeMotion(const InvariantConfig& config) {
+  if (config.choice == MotionChoice::kInertial) return std::make_shared<Inertial>(config.inertial);
+  return std::make_shared<ConstantTwist>(config.motion);
+}
+
 } // namespace
 
 InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
     : config_(config),
-      motion_(std::make_shared<ConstantTwist>(config.motion)),
+      motion_(makeMotion(config)),
+      imu_(config.inertial.noise, config.inertial.noise_given),
       slip_(config.slip),
       filter_(SE3(), startCovariance()),
       map_(config.map),
-      standstill_(config.standstill_px),
+      standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_),
-      closures_(config.recognise_places) {
+      closures_(config.recognise_places, config.closure_operations) {
   begin(SE3(), startCovariance());
 }
 
@@ -36,27 +43,45 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
 void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
   filter_ = Filter(pose, covariance);
   motion_->addTo(filter_);
-  if (config_.scale_sigma > 0.0)
-    filter_.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
-                    Eigen::MatrixXd::Constant(1, 1, config_.scale_sigma * config_.scale_sigma), {},
-                    StereoModel::kScaleName);
-  slip_.addTo(filter_);
+  RigVariables::addTo(filter_, config_.rig);
+  // An IMU tells a body's scale and turns where slipping tracks would be believed.
+  if (!motion_->knowsGravity()) slip_.addTo(filter_);
   filter_.closeCore();
   if (last_frame_) last_frame_->position = pose.translation();
 }
 
+bool InvariantEstimator::begin(const InitialState& state) {
+  if (!motion_->begin(filter_, state)) return false;
+  stamp_ = state.stamp;
+  return true;
+}
+
+/// An error of where the world is and which way it faces is one of the pose's first six coordinates alone:
+/// none is left of it where the world is said to be here.
+void InvariantEstimator::moveOriginHere() {
+  map_.bound(filter_, true);
+  const SE3& pose = filter_.pose();
+  const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
+  filter_.moveWorld(SE3(level, -(level * pose.translation())));
+  for (const Eigen::Index row : {0, 1, 2, 5}) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
+  if (last_frame_) last_frame_->position = filter_.pose().translation();
+}
+
 void InvariantEstimator::setRig(const StereoRig& rig) {
-  model_.emplace(rig, config_.stereo, filter_.variables().find(StereoModel::kScaleName));
+  model_.emplace(rig, config_.stereo, RigVariables(filter_.variables()));
 }
 
 // Gyro and velocity: motion -> health.
 
-void InvariantEstimator::process(const GyroSample& sample) {
+void InvariantEstimator::process(const ImuSample& sample) {
+  imu_.expect(sample);
   advanceTo(sample.stamp);
-  standstill_.addGyro(sample.stamp, sample.angular_velocity - motion_->gyroBias(filter_),
-                      motion_->noiseOf(sample), motion_->gyroBiasCovariance(filter_));
+  imu_.reach(sample);
+  const Eigen::Matrix3d noise = motion_->noiseOf(sample, imu_);
+  standstill_.addGyro(sample.stamp, sample.angular_velocity - motion_->gyroBias(filter_), noise,
+                      motion_->gyroBiasCovariance(filter_));
   motion_->process(filter_, sample);
-  recovery_.note(sample);
+  recovery_.noteGyro(sample.stamp, noise);
   checkpoint(false);
 }
 
@@ -65,30 +90,33 @@ void InvariantEstimator::process(const VelocitySample& sample) {
   standstill_.addVelocity(sample.stamp, sample.linear_velocity - motion_->bias(filter_).head<3>(),
                           motion_->noiseOf(sample));
   motion_->process(filter_, sample);
-  recovery_.note(sample);
+  recovery_.noteVelocity(sample.stamp, motion_->noiseOf(sample));
   checkpoint(false);
 }
 
 void InvariantEstimator::advanceTo(Stamp stamp) {
-  if (const auto from = closures_.takeResume()) resume(*from, stamp);
+  resumeAt(stamp);
   if (stamp_ && stamp > *stamp_) {
     const double dt = secondsBetween(*stamp_, stamp);
     if (dt > kTrackedGap) loseAll();
-    const Vector6d twist = motion_->twist(filter_);
+    const Vector6d twist = motion_->twist(filter_, imu_, *stamp_);
     recovery_.travel(dt * twist.head<3>().norm(), dt * twist.tail<3>().norm());
-    propagate(filter_, dt);
+    propagate(filter_, *stamp_, stamp);
   }
   stamp_ = stamp;
 }
 
-void InvariantEstimator::propagate(Filter& filter, double dt) const {
-  const double steps = std::max(1.0, std::ceil(dt / kLongestStep - 0.1));
-  for (int i = 0; i < static_cast<int>(steps); ++i) motion_->propagate(filter, dt / steps);
+void InvariantEstimator::propagate(Filter& filter, Stamp from, Stamp to) const {
+  const auto steps =
+      static_cast<Stamp>(std::max(1.0, std::ceil(secondsBetween(from, to) / kLongestStep - 0.1)));
+  for (Stamp i = 0; from < to && i < steps; ++i)
+    motion_->propagate(filter, imu_, from + (to - from) * i / steps, from + (to - from) * (i + 1) / steps);
 }
 
 bool InvariantEstimator::canBridge(double gap_s) const {
   Filter ahead = filter_;
-  propagate(ahead, gap_s);
+  const Stamp now = stamp_.value_or(0);
+  propagate(ahead, now, now + fromSeconds(gap_s));
   return ahead.covariance().diagonal().segment<3>(3).maxCoeff() <= kKnownHeading * kKnownHeading;
 }
 
@@ -101,7 +129,7 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
   tracks_.clear();
   begin(recovery_.checkpointPose(),
         recovery_.checkpointCovariance(*stamp_, config_.motion.prior_twist_sigma[0]));
-  standstill_ = StandstillDetector(config_.standstill_px);
+  standstill_ = StandstillDetector(config_.standstill_px, motion_->measuresVelocity());
 }
 
 // A frame: motion -> tracking -> observation -> filter -> health -> map.
@@ -110,8 +138,9 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   advanceTo(frame.stamp);
   FrameReport report(frame);
   if (config_.standstill_px > 0.0) standstill_.addFrame(frame);
-  if (config_.standstill_px > 0.0 && last_frame_ && standstill_.stands(frame.stamp))
-    motion_->processStandstill(filter_, secondsBetween(last_frame_->stamp, frame.stamp));
+  if (config_.standstill_px > 0.0 && last_frame_ && standstill_.stands(frame.stamp) &&
+      motion_->mayStand(filter_))
+    motion_->processStandstill(filter_, imu_, frame.stamp, secondsBetween(last_frame_->stamp, frame.stamp));
   Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
   if (last_frame_) displacement = filter_.pose().translation() - last_frame_->position;
   slip_.propagate(filter_, displacement.norm());
@@ -134,8 +163,10 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
 }
 
 void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& report) {
+  model_->beginFrame(frame.time_offset, motion_->twist(filter_, imu_, frame.stamp));
   const TrackStatus::Usable usable = tracks_.usable(filter_, *model_, frame);
   report.invalid = usable.invalid;
+  closures_.expect(filter_, map_, *model_, frame, usable.features);
   Associations seen = associate(filter_, map_, *model_, frame, usable.features);
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
@@ -171,12 +202,18 @@ void InvariantEstimator::loseAll() {
 /// even if they are used again. Lost ones go where the map keeps what is out of view.
 void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associations& seen,
                                       const FrameOutcome& outcome, FrameReport& report) {
-  enum class Track { kLost, kUsed, kRejected };
+  enum class Track { kLost, kUsed, kMissed, kRejected };
   std::vector<Track> tracks(map_.active().size(), Track::kLost);
   for (std::size_t i = 0; i < seen.known.size(); ++i) {
     const auto [landmark, feature] = seen.known[i];
-    tracks[landmark] = outcome.used[i] ? Track::kUsed : Track::kRejected;
-    if (!outcome.used[i]) tracks_.reject(filter_, *model_, frame, feature);
+    Landmark& known = map_.active(landmark);
+    const bool is_missed = outcome.missed[i] && !std::exchange(known.missed, true);
+    tracks[landmark] = outcome.used[i] ? Track::kUsed : is_missed ? Track::kMissed : Track::kRejected;
+    if (outcome.used[i]) {
+      known.missed = false;
+      if (frame.features[feature].descriptor) known.descriptors.add(*frame.features[feature].descriptor);
+    }
+    if (tracks[landmark] == Track::kRejected) tracks_.reject(filter_, *model_, frame, feature);
   }
   std::unordered_set<FeatureId> begins_anew;
   for (const std::size_t feature : seen.unknown) begins_anew.insert(frame.features[feature].id);
@@ -189,6 +226,7 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
       ++landmark.observations;
       continue;
     }
+    if (tracks[i] == Track::kMissed) continue;
     const bool expected = tracks[i] == Track::kLost && !begins_anew.count(landmark.id) &&
                           !tracks_.isRejected(landmark.id) &&
                           ReturningLandmarks::isExpected(landmark, filter_, *model_, frame.stamp);
@@ -201,14 +239,37 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
   }
 }
 
+/// As many as there is room for, those first that are nearest to the middle of the picture: they stay
+/// longest.
+std::vector<std::size_t> InvariantEstimator::longestInView(const StereoFrame& frame,
+                                                           std::vector<std::size_t> features) const {
+  const auto in_view = static_cast<std::size_t>(
+      std::count_if(map_.active().begin(), map_.active().end(),
+                    [&](const Landmark& l) { return l.last_seen == frame.stamp && !l.reactivated; }));
+  const std::size_t room = config_.max_tracked > in_view ? config_.max_tracked - in_view : 0;
+  if (features.size() <= room) return features;
+  const StereoCamera& camera = model_->rig().camera;
+  const auto off_centre = [&](std::size_t feature) {
+    const StereoPixels& z = frame.features[feature].pixels;
+    return std::hypot(0.5 * (z[0] + z[2]) - camera.cu, z[1] - camera.cv);
+  };
+  std::sort(features.begin(), features.end(), [&](std::size_t a, std::size_t b) {
+    return std::make_pair(off_centre(a), frame.features[a].id) <
+           std::make_pair(off_centre(b), frame.features[b].id);
+  });
+  features.resize(room);
+  return features;
+}
+
 void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
                                     FrameReport& report) {
-  for (const std::size_t feature : features) {
+  for (const std::size_t feature : longestInView(frame, features)) {
     const StereoFeatureObservation& f = frame.features[feature];
-    const auto seen = model_->triangulate(filter_, f.pixels);
+    const auto seen = model_->triangulate(filter_, f.pixels, f.sigma);
     if (!seen) continue;
     const Handle variable = filter_.augment(Chart::kPoint, seen->position, seen->noise, seen->by);
-    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id)});
+    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id), false});
+    if (f.descriptor) map_.active(map_.active().size() - 1).descriptors.add(*f.descriptor);
     ++report.initialised;
   }
 }
@@ -220,9 +281,19 @@ StateEstimate InvariantEstimator::state() const {
   estimate.stamp = stamp_.value_or(0);
   estimate.world_T_imu = filter_.pose();
   estimate.pose_covariance = filter_.covariance().topLeftCorner<6, 6>();
-  estimate.twist = motion_->twist(filter_);
-  estimate.twist_covariance = motion_->twistCovariance(filter_);
+  estimate.twist = motion_->twist(filter_, imu_, estimate.stamp);
+  estimate.twist_covariance = motion_->twistCovariance(filter_, imu_);
   return estimate;
+}
+
+std::optional<RigEstimate> InvariantEstimator::rig() const {
+  if (!model_) return std::nullopt;
+  return model_->variables().estimate(filter_, model_->rig(), config_.rig.time_offset);
+}
+
+double InvariantEstimator::timeOffset() const {
+  const RigVariables variables(filter_.variables());
+  return variables.hasTimeOffset() ? variables.timeOffset(filter_) : config_.rig.time_offset;
 }
 
 /// What is in view was seen from elsewhere, so that it is not tracked on; its ids may return.
@@ -271,6 +342,11 @@ void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const s
                                     double max_gap_s) {
   requireMotion(*map, filter_, *motion_, source);
   closures_.resumeFrom({std::move(map), max_gap_s});
+}
+
+bool InvariantEstimator::resumeAt(Stamp now) {
+  if (const auto from = closures_.takeResume()) resume(*from, now);
+  return mapUse() == MapUse::kResumed;
 }
 
 void InvariantEstimator::resume(const Closures::Resume& from, Stamp stamp) {

@@ -6,61 +6,100 @@
 namespace vi_ekf_slam {
 namespace {
 
-/// By Stream.
-std::array<StreamNoise, kStreamCount> configuredNoise(const Config& config) {
-  if (config.estimator == EstimatorType::kPaper) {
-    // The motion noise enters as tau w (eq. 2): a step's W stands for this noise of the twist.
-    const Vector6d variance = config.paper.motion_noise / (config.paper.step_s * config.paper.step_s);
-    return {{{"gyro", std::sqrt(variance.tail<3>().mean()), "rad/s", "paper/motion_noise"},
-             {"velocity", std::sqrt(variance.head<3>().mean()), "m/s", "paper/motion_noise"},
-             {"pixels", std::sqrt(config.paper.pixel_noise), "px", "paper/pixel_noise"}}};
-  }
-  const std::string without = ": its messages give no covariance";
-  const InvariantConfig& invariant = config.invariant;
-  return {{{"gyro", invariant.motion.gyro_sigma, "rad/s", "invariant/gyro_sigma" + without},
-           {"velocity", invariant.motion.velocity_sigma, "m/s", "invariant/velocity_sigma" + without},
-           {"pixels", invariant.stereo.pixel_sigma, "px", "invariant/pixel_sigma"}}};
-}
+constexpr std::size_t kImuIntervals = 10; // whose mean is the IMU's period
 
-std::optional<Eigen::Matrix3d> covarianceOf(const GyroSample& sample) { return sample.covariance; }
-std::optional<Eigen::Matrix3d> covarianceOf(const VelocitySample& sample) { return sample.covariance; }
-std::optional<Eigen::Matrix3d> covarianceOf(const StereoFrame&) { return std::nullopt; }
+std::string shortText(double value) {
+  std::ostringstream stream;
+  stream << value;
+  return stream.str();
+}
 
 } // namespace
 
 std::string toText(const StreamNoise& noise) {
-  std::ostringstream text;
-  text << noise.stream << " " << noise.sigma << " " << noise.unit << " (" << noise.source << ")";
-  return text.str();
+  return noise.stream + " " + shortText(noise.sigma) + " " + noise.unit + " (" + noise.source + ")";
 }
 
 NoiseReport::NoiseReport(const Config& config)
-    : takes_covariances_(config.estimator == EstimatorType::kInvariant),
-      configured_(configuredNoise(config)) {}
+    : inertial_(config.invariant.inertial),
+      takes_covariances_(config.estimator == EstimatorType::kInvariant) {
+  if (!takes_covariances_) {
+    // The motion noise enters as tau w (eq. 2): a step's W stands for this noise of the twist.
+    const Vector6d variance = config.paper.motion_noise / (config.paper.step_s * config.paper.step_s);
+    gyro_.configured = {"gyro", std::sqrt(variance.tail<3>().mean()), "rad/s", "paper/motion_noise"};
+    velocity_.configured = {"velocity", std::sqrt(variance.head<3>().mean()), "m/s", "paper/motion_noise"};
+    pixels_.configured = {"pixels", std::sqrt(config.paper.pixel_noise), "px", "paper/pixel_noise"};
+    return;
+  }
+  const std::string without = ": its messages give no covariance";
+  const InvariantConfig& invariant = config.invariant;
+  gyro_.configured = {"gyro", invariant.motion.gyro_sigma, "rad/s", "invariant/gyro_sigma" + without};
+  velocity_.configured = {"velocity", invariant.motion.velocity_sigma, "m/s",
+                          "invariant/velocity_sigma" + without};
+  pixels_.configured = {"pixels", invariant.stereo.pixel_sigma, "px", "invariant/pixel_sigma"};
+}
 
-std::optional<StreamNoise> NoiseReport::note(const Measurement& measurement) {
-  const auto stream = static_cast<std::size_t>(streamOf(measurement));
-  const auto covariance = std::visit([](const auto& sample) { return covarianceOf(sample); }, measurement);
-  const bool given = covariance && takes_covariances_;
-  if (noted_[stream][given]) return std::nullopt;
-  noted_[stream][given] = true;
-  StreamNoise noise = configured_[stream];
+/// What holds: a calibration file, the messages, imu_noise (ImuTrack::over).
+void NoiseReport::setInertial(bool inertial) {
+  is_inertial_ = inertial;
+  if (!inertial) return;
+  const std::string source = inertial_.noise_given ? "inertial/imu_calibration: " + inertial_.noise_file
+                                                   : "inertial/imu_noise: its messages give no covariance";
+  gyro_.configured = {"gyro", inertial_.noise.gyro_density, "rad/s/sqrt(Hz)", source};
+  accelerometer_.configured = {"accelerometer", inertial_.noise.accelerometer_density, "m/s^2/sqrt(Hz)",
+                               source};
+}
+
+void NoiseReport::noteSensor(Sensor& sensor, const std::optional<Eigen::Matrix3d>& covariance,
+                             std::vector<StreamNoise>& news) {
+  const bool is_density = is_inertial_ && (&sensor == &gyro_ || &sensor == &accelerometer_);
+  const bool given = covariance && takes_covariances_ && !(is_density && inertial_.noise_given);
+  if (sensor.noted[given] || (given && is_density && imu_period_ == 0.0)) return;
+  sensor.noted[given] = true;
+  StreamNoise noise = sensor.configured;
   if (given) {
-    noise.sigma = std::sqrt(covariance->trace() / 3.0);
-    noise.source = "from its messages";
+    noise.sigma = std::sqrt(covariance->trace() / 3.0 * (is_density ? imu_period_ : 1.0));
+    noise.source =
+        is_density ? "from its messages' covariance at " + shortText(std::round(1.0 / imu_period_)) + " Hz"
+                   : "from its messages";
   }
-  if (used_[stream]) {
-    used_[stream]->source += "; later " + toText(noise);
+  if (sensor.used) {
+    sensor.used->source += "; later " + toText(noise);
   } else {
-    used_[stream] = noise;
+    sensor.used = noise;
   }
-  return noise;
+  news.push_back(noise);
+}
+
+void NoiseReport::noteImu(const ImuSample& sample, std::vector<StreamNoise>& news) {
+  if (is_inertial_ && imu_period_ == 0.0) {
+    if (!first_imu_ || sample.stamp <= *first_imu_) {
+      first_imu_ = sample.stamp;
+      imu_intervals_ = 0;
+    } else if (++imu_intervals_ == kImuIntervals) {
+      imu_period_ = secondsBetween(*first_imu_, sample.stamp) / static_cast<double>(kImuIntervals);
+    }
+  }
+  noteSensor(gyro_, sample.covariance, news);
+  if (is_inertial_ && sample.acceleration) noteSensor(accelerometer_, sample.acceleration_covariance, news);
+}
+
+std::vector<StreamNoise> NoiseReport::note(const Measurement& measurement) {
+  std::vector<StreamNoise> news;
+  if (const auto* imu = std::get_if<ImuSample>(&measurement)) {
+    noteImu(*imu, news);
+  } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
+    noteSensor(velocity_, velocity->covariance, news);
+  } else {
+    noteSensor(pixels_, std::nullopt, news);
+  }
+  return news;
 }
 
 std::vector<StreamNoise> NoiseReport::streams() const {
   std::vector<StreamNoise> streams;
-  for (const auto& noise : used_) {
-    if (noise) streams.push_back(*noise);
+  for (const Sensor* sensor : {&gyro_, &accelerometer_, &velocity_, &pixels_}) {
+    if (sensor->used) streams.push_back(*sensor->used);
   }
   return streams;
 }

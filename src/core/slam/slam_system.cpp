@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
@@ -8,10 +9,12 @@
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
-#include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
+#include "vi_ekf_slam/core/slam/inertial_estimator.hpp"
 
 namespace vi_ekf_slam {
 namespace {
+
+constexpr double kMotionWait = 1.0; // s of sensor time for a first message of the IMU
 
 enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
 
@@ -27,29 +30,75 @@ Fault faultOf(const Eigen::Vector3d& value, double max_norm,
   return good ? Fault::kNone : Fault::kBadCovariance;
 }
 
-Fault faultOf(const GyroSample& s) { return faultOf(s.angular_velocity, kMaxAngularSpeed, s.covariance); }
+Fault faultOf(const ImuSample& s) {
+  const Fault gyro = faultOf(s.angular_velocity, kMaxAngularSpeed, s.covariance);
+  if (gyro != Fault::kNone || !s.acceleration) return gyro;
+  return faultOf(*s.acceleration, kMaxAcceleration, s.acceleration_covariance);
+}
 Fault faultOf(const VelocitySample& s) { return faultOf(s.linear_velocity, kMaxSpeed, s.covariance); }
 Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judged one by one, by the estimator
+
+std::string withoutNumbers(std::string text) {
+  const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || c == '.'; };
+  text.erase(std::remove_if(text.begin(), text.end(), is_digit), text.end());
+  return text;
+}
 
 } // namespace
 
 std::unique_ptr<Estimator> makeEstimator(const Config& config) {
-  if (config.estimator == EstimatorType::kInvariant)
-    return std::make_unique<InvariantEstimator>(config.invariant);
-  return std::make_unique<paper::PaperEstimator>(config.paper);
+  if (config.estimator == EstimatorType::kPaper) return std::make_unique<paper::PaperEstimator>(config.paper);
+  if (config.invariant.choice == MotionChoice::kInertial)
+    return std::make_unique<InertialEstimator>(config.invariant);
+  return std::make_unique<InvariantEstimator>(config.invariant);
 }
 
 SlamSystem::SlamSystem(const Config& config)
     : config_(config),
+      motion_(config.estimator == EstimatorType::kPaper ? MotionChoice::kConstantTwist
+                                                        : config.invariant.choice),
       guard_(config.buffer),
       buffer_(config.buffer),
-      estimator_(makeEstimator(config)),
+      estimator_(vi_ekf_slam::makeEstimator(config)),
       lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
-      noise_(config) {}
+      noise_(config),
+      imu_check_(config.invariant.inertial.gravity) {
+  noise_.setInertial(motion_ == MotionChoice::kInertial);
+  if (motion_ != MotionChoice::kAuto && config.estimator != EstimatorType::kPaper)
+    motion_text_ = motion_ == MotionChoice::kInertial ? "inertial, configured" : "constant twist, configured";
+}
+
+std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
+  Config config = config_;
+  config.invariant.choice = motion_;
+  auto estimator = vi_ekf_slam::makeEstimator(config);
+  if (rig_) estimator->setRig(*rig_);
+  if (bias_) estimator->setBiasPrior(*bias_);
+  if (loaded_map_) estimator->relocaliseIn(loaded_map_);
+  return estimator;
+}
+
+/// Nothing has been processed yet.
+void SlamSystem::choose(MotionChoice motion, const std::string& reason) {
+  motion_ = motion;
+  noise_.setInertial(motion == MotionChoice::kInertial);
+  if (motion == MotionChoice::kInertial) estimator_ = makeEstimator();
+  motion_text_ = (motion == MotionChoice::kInertial ? "inertial, " : "constant twist, ") + reason;
+  if (handlers_.start) handlers_.start("motion: " + motion_text_);
+}
+
+void SlamSystem::begin(const InitialState& state) {
+  if (motion_ == MotionChoice::kConstantTwist)
+    throw ConfigError(
+        "an initial state is of no use to this configuration, whose motion is a constant twist: it needs "
+        "motion: inertial or auto");
+  if (motion_ == MotionChoice::kAuto) choose(MotionChoice::kInertial, "to go on from an initial state");
+  estimator_->begin(state);
+}
 
 void SlamSystem::setRig(const StereoRig& rig) {
-  rig_ = rig;
-  estimator_->setRig(rig);
+  rig_ = config_.invariant.rig.appliedTo(rig);
+  estimator_->setRig(*rig_);
   drain();
 }
 
@@ -73,12 +122,24 @@ bool SlamSystem::countInvalid(const Measurement& measurement) {
 
 void SlamSystem::add(Measurement measurement) {
   if (countInvalid(measurement)) return;
+  if (motion_ == MotionChoice::kAuto) {
+    if (const auto* imu = std::get_if<ImuSample>(&measurement))
+      imu->acceleration
+          ? choose(MotionChoice::kInertial, "the IMU's messages carry accelerations")
+          : choose(MotionChoice::kConstantTwist,
+                   "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
+  }
+  if (auto* frame = std::get_if<StereoFrame>(&measurement)) {
+    frame->time_offset = estimator_->timeOffset();
+    frame->stamp += fromSeconds(frame->time_offset);
+  }
   const auto verdict = guard_.judge(measurement, buffer_.newest());
   countStrays();
   if (verdict == ClockGuard::Verdict::kHeld) return;
   if (verdict == ClockGuard::Verdict::kJump) {
     followJump();
   } else {
+    if (const auto* imu = std::get_if<ImuSample>(&measurement)) imu_check_.arrived(imu->stamp);
     buffer(std::move(measurement));
   }
   drain();
@@ -118,10 +179,19 @@ bool SlamSystem::needsRig() const {
   return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
 }
 
+/// For the calibration, and for a first message of the IMU that says how the body moves.
+bool SlamSystem::waits() const {
+  if (!first_stamp_ || !buffer_.newest()) return false;
+  const double held = secondsBetween(*first_stamp_, *buffer_.newest());
+  return (!rig_ && needsRig() && held < config_.rig_wait_s) ||
+         (motion_ == MotionChoice::kAuto && held < config_.buffer.max_delay_s + kMotionWait);
+}
+
 void SlamSystem::drain() {
-  const bool waits_for_rig = !rig_ && needsRig() && first_stamp_ && buffer_.newest() &&
-                             secondsBetween(*first_stamp_, *buffer_.newest()) < config_.rig_wait_s;
-  if (waits_for_rig) {
+  const bool is_full = buffer_.size() > config_.buffer.max_size;
+  if (motion_ == MotionChoice::kAuto && buffer_.newest() && (is_full || !waits()))
+    choose(MotionChoice::kConstantTwist, "there is no IMU");
+  if (waits()) {
     while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
   } else {
     while (auto measurement = buffer_.pop()) process(*measurement);
@@ -129,6 +199,8 @@ void SlamSystem::drain() {
 }
 
 void SlamSystem::flush() {
+  if (motion_ == MotionChoice::kAuto && !buffer_.empty())
+    choose(MotionChoice::kConstantTwist, "there is no IMU");
   guard_.discard();
   countStrays();
   while (auto measurement = buffer_.popRegardless()) process(*measurement);
@@ -143,10 +215,9 @@ void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();
   buffer_.clear();
-  estimator_ = makeEstimator(config_);
-  if (rig_) estimator_->setRig(*rig_);
-  if (bias_) estimator_->setBiasPrior(*bias_);
-  if (loaded_map_) estimator_->relocaliseIn(loaded_map_);
+  estimator_ = makeEstimator();
+  told_starts_.clear();
+  imu_check_.restart();
   dead_reckoning_ = DeadReckoning();
   lever_arm_.restart();
   first_stamp_.reset();
@@ -180,31 +251,66 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
 void SlamSystem::process(const Measurement& measurement) {
   // Features are not used before the calibration is known.
   const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (rig_ && needsRig());
-  const auto news = is_used ? noise_.note(measurement) : std::nullopt;
-  if (news && handlers_.noise) handlers_.noise(*news);
+  if (is_used) {
+    for (const StreamNoise& news : noise_.note(measurement)) {
+      if (handlers_.noise) handlers_.noise(news);
+    }
+  }
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
+  if (const ImuSample* next = buffer_.nextImu()) estimator_->expect(*next);
   if (needsRig()) blindness_.advanceTo(stampOf(measurement));
   counts_.blind_s = blindness_.total();
   counts_.blind_periods = blindness_.periods();
-  if (const auto* gyro = std::get_if<GyroSample>(&measurement)) {
+  if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
+    imu_check_.note(*gyro, motion_ == MotionChoice::kInertial);
     lever_arm_.note(*gyro);
     estimator_->process(*gyro);
-    dead_reckoning_.process(*gyro);
-    if (handlers_.gyro) handlers_.gyro({estimator_->state(), dead_reckoning_.pose(), {}, 0.0});
+    if (!estimator_->hasStarted()) return;
+    const StateEstimate state = estimator_->state();
+    updateDeadReckoning(*gyro, state);
+    if (handlers_.gyro) handlers_.gyro({state, dead_reckoning_.pose(), {}, 0.0});
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
     const VelocitySample at_imu = lever_arm_.atImu(*velocity);
     estimator_->process(at_imu);
-    dead_reckoning_.process(at_imu);
+    if (motion_ != MotionChoice::kInertial) dead_reckoning_.process(at_imu);
   } else {
     const auto& frame = std::get<StereoFrame>(measurement);
+    imu_check_.noteFrame(frame.stamp);
     if (!rig_) ++counts_.frames_without_rig;
     const auto start = std::chrono::steady_clock::now();
     const FrameReport report = estimator_->process(frame);
     const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
-    dead_reckoning_.advanceTo(frame.stamp);
     count(report);
-    if (handlers_.frame)
-      handlers_.frame({estimator_->state(), dead_reckoning_.pose(), report, update.count()});
+    reportStart();
+    if (!estimator_->hasStarted()) {
+      ++counts_.frames_before_start;
+      return;
+    }
+    const StateEstimate state = estimator_->state();
+    updateDeadReckoning(frame, state);
+    if (handlers_.frame) handlers_.frame({state, dead_reckoning_.pose(), report, update.count()});
+  }
+}
+
+/// Of what is measured; with an inertial model of the estimated twist, which is smooth but for small steps
+/// of what it is a derivative of, from where the estimate starts.
+void SlamSystem::updateDeadReckoning(const Measurement& measurement, const StateEstimate& state) {
+  if (motion_ != MotionChoice::kInertial) {
+    if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
+    return dead_reckoning_.advanceTo(stampOf(measurement));
+  }
+  if (!dead_reckoning_.stamp()) dead_reckoning_.begin(state.world_T_imu);
+  dead_reckoning_.setTwist(stampOf(measurement), state.twist);
+}
+
+void SlamSystem::reportStart() {
+  const std::string problem = estimator_->startProblem();
+  if (!told_starts_.insert(withoutNumbers(problem)).second || !handlers_.start) return;
+  // An estimator that needs no start does not tell of one.
+  if (!problem.empty()) {
+    handlers_.start("not started: " + problem);
+  } else if (motion_ == MotionChoice::kInertial) {
+    handlers_.start("started");
   }
 }
 

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/tracking/frame_update.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,7 @@ namespace {
 
 // Of a frame's tracks that must agree, for it to be used: among so many, as few agree by chance.
 constexpr double kLeastShare = 0.1;
+constexpr double kContradicts = 21.108; // chi-square, 3 degrees of freedom, 99.99 %
 
 } // namespace
 
@@ -30,7 +32,7 @@ Associations associate(const Filter& filter, const LandmarkMap& map, const Stere
         std::lower_bound(landmark_of_id.begin(), landmark_of_id.end(), std::make_pair(f.id, std::size_t{0}));
     std::optional<LinearMeasurement> measurement;
     if (known != landmark_of_id.end() && known->first == f.id && !seen[known->second])
-      measurement = model.observe(filter, map.active()[known->second].variable, f.pixels);
+      measurement = model.observe(filter, map.active()[known->second].variable, f.pixels, f.sigma);
     if (measurement) {
       seen[known->second] = true;
       result.known.push_back({known->second, feature});
@@ -46,6 +48,7 @@ FrameOutcome FrameUpdate::apply(Filter& filter, std::vector<LinearMeasurement> m
   FrameOutcome outcome;
   const std::size_t count = measurements.size();
   outcome.used.assign(count, false);
+  outcome.missed.assign(count, false);
   if (count == 0) return outcome;
   Innovation in(filter.covariance(), std::move(measurements));
   std::vector<double> nis(count);
@@ -60,8 +63,8 @@ FrameOutcome FrameUpdate::apply(Filter& filter, std::vector<LinearMeasurement> m
   const auto agree = static_cast<double>(std::count(outcome.used.begin(), outcome.used.end(), true));
   in.putFirst(outcome.used);
   outcome.skipped = agree == 0.0 || agree < kLeastShare * static_cast<double>(count) ||
-                    !isPossible(in, filter) || !reconsider(in, outcome.used) ||
-                    !filter.correct(in, model_.inverseDepthChart(filter));
+                    !isPossible(in, filter) || !reconsider(in, outcome) ||
+                    !filter.correct(in, model_.inverseDepthChart(filter, in.error()));
   if (outcome.skipped) {
     outcome.used.assign(count, false);
     outcome.nis = outcome.capped_nis = 0.0;
@@ -82,18 +85,22 @@ std::vector<bool> FrameUpdate::choose(const Innovation& in, const std::vector<do
   std::vector<bool> passes(nis.size());
   std::transform(nis.begin(), nis.end(), passes.begin(), [gate](double n) { return n < gate; });
   if (!options_.consensus) return passes;
-  return largestConsensus(in, 4.0 * options_.consensus_px * options_.consensus_px, passes);
+  const double sigmas = options_.consensus_px / std::sqrt(model_.noise()(0, 0));
+  return largestConsensus(in, 4.0 * sigmas * sigmas, passes);
 }
 
 /// Takes back those that pass their own gate given the others: the consensus is judged in pixels, and a young
 /// landmark may be honestly uncertain.
-bool FrameUpdate::reconsider(Innovation& in, std::vector<bool>& used) const {
+bool FrameUpdate::reconsider(Innovation& in, FrameOutcome& outcome) const {
+  std::vector<bool>& used = outcome.used;
   std::vector<bool> passes;
   std::size_t waiting = static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (used[i]) continue;
-    passes.push_back(options_.consensus && in.nisOf(waiting++) < options_.gate);
+    const double nis = options_.consensus ? in.nisOf(waiting++) : kContradicts;
+    passes.push_back(nis < options_.gate);
     used[i] = passes.back();
+    outcome.missed[i] = !used[i] && nis < kContradicts;
   }
   return in.accept(passes);
 }

@@ -27,7 +27,7 @@ TrackStatus::Usable TrackStatus::usable(const Filter& filter, const StereoModel&
     if (isSuspect(id)) still_suspect.insert(id);
     const bool rejected = isRejected(id) && !hasStood(filter, model, frame, i);
     if (rejected) still_rejected.insert(*rejected_.find(id));
-    if (!model.isUsable(frame.features[i].pixels)) {
+    if (!model.isUsable(frame.features[i].pixels, frame.features[i].sigma)) {
       ++result.invalid;
     } else if (rejected) {
       ++result.rejected;
@@ -49,9 +49,10 @@ void TrackStatus::reject(const Filter& filter, const StereoModel& model, const S
 /// Whether a rejected track is one of the static world. Else it is watched from here on.
 bool TrackStatus::hasStood(const Filter& filter, const StereoModel& model, const StereoFrame& frame,
                            std::size_t feature) {
-  const auto& [id, pixels] = frame.features[feature];
-  std::optional<StandingTrack>& track = rejected_[id];
-  const auto seen = model.isUsable(pixels) ? model.triangulate(filter, pixels) : std::nullopt;
+  const StereoFeatureObservation& f = frame.features[feature];
+  std::optional<StandingTrack>& track = rejected_[f.id];
+  const auto seen =
+      model.isUsable(f.pixels, f.sigma) ? model.triangulate(filter, f.pixels, f.sigma) : std::nullopt;
   if (seen && track && track->distanceTo(filter, *seen) < kSamePlace)
     return secondsBetween(track->since(), frame.stamp) >= kProbation;
   track = seen ? std::make_optional<StandingTrack>(filter, *seen, frame.stamp) : std::nullopt;
@@ -92,7 +93,7 @@ bool TrackStatus::isAnotherView(const Filter& filter, const StereoModel& model, 
   std::size_t same = 0, all = 0;
   const auto look = [&](std::size_t i) {
     const StereoFeatureObservation& feature = frame.features[i];
-    const auto now = model.triangulate(filter, feature.pixels);
+    const auto now = model.triangulate(filter, feature.pixels, feature.sigma);
     if (!now) return;
     const auto before = skipped_.find(feature.id);
     if (before != skipped_.end()) ++all;

@@ -236,7 +236,8 @@ BagMessage BagReader::messageOf(const Entry& entry) try {
     const Fields fields(source);
     const std::uint32_t size = source.length("a record in a chunk");
     if (fields.op() == bag_format::kMessage && fields.number<std::uint32_t>("conn") == entry.connection) {
-      return {connections_.at(entry.connection), reinterpret_cast<const std::uint8_t*>(source.here()), size};
+      return {connections_.at(entry.connection), reinterpret_cast<const std::uint8_t*>(source.here()), size,
+              entry.time};
     }
     if (fields.op() != bag_format::kConnection) break; // which may precede its first message
     source.skip(size);

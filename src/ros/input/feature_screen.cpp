@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <unordered_set>
 #include <utility>
 #include <vector>
@@ -43,9 +44,10 @@ ScreenCounts screenFeatures(StereoFrame& frame, const std::optional<ImageSize>& 
   const auto unusable = [&](const StereoFeatureObservation& feature) {
     const StereoPixels& z = feature.pixels;
     std::size_t* reason = nullptr;
-    if (!z.allFinite()) {
+    if (!z.allFinite() || !std::isfinite(feature.sigma)) {
       reason = &counts.not_finite;
-    } else if (z.cwiseAbs().maxCoeff() > kMaxPixel || (image && z[0] - z[2] >= image->width)) {
+    } else if (z.cwiseAbs().maxCoeff() > kMaxPixel || feature.sigma < 0.0 ||
+               (image && z[0] - z[2] >= image->width)) {
       reason = &counts.absurd;
     } else if (image && !isInside(z, *image)) {
       reason = &counts.outside;

@@ -5,11 +5,15 @@
 #include <sstream>
 #include <utility>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
+using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+constexpr double kRotationTolerance = 1e-3; // of R, which may be written with few digits
 /// px; the two cameras of a rectified pair may differ by rounding only.
 constexpr double kPixelTolerance = 1e-3;
 // Beyond any rig that exists. What is larger is a fault, and could overflow what is computed from it.
@@ -33,6 +37,10 @@ std::string infoProblem(const sensor_msgs::CameraInfo& info, const std::string& 
   if (P[10] != 1.0 || P[1] != 0.0 || P[4] != 0.0 || P[8] != 0.0 || P[9] != 0.0) {
     return "P of " + topic + " must be [fx 0 cx Tx; 0 fy cy Ty; 0 0 1 0]";
   }
+  const auto& R = info.R;
+  if (!std::all_of(R.begin(), R.end(), [](double r) { return r == 0.0; }) &&
+      !so3::isRotation(Eigen::Map<const RowMajor>(R.data()), kRotationTolerance))
+    return "R of " + topic + " must be a rotation (within 1e-3), or zero";
   if (info.binning_x > 1 || info.binning_y > 1 || info.roi.x_offset != 0 || info.roi.y_offset != 0) {
     return topic + " has binning or a region of interest, which is not supported";
   }
@@ -61,11 +69,24 @@ std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::
   return text.str();
 }
 
-StereoCamera toCamera(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
+} // namespace
+
+std::string stereoProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right,
+                          const std::string& left_topic, const std::string& right_topic) {
+  for (const std::string& problem : {infoProblem(left, left_topic), infoProblem(right, right_topic)}) {
+    if (!problem.empty()) return problem;
+  }
+  return pairProblem(left, right);
+}
+
+StereoCamera stereoCamera(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right) {
   return {left.P[0], left.P[5], left.P[2], left.P[6], -right.P[3] / right.P[0]};
 }
 
-} // namespace
+Eigen::Matrix3d rectification(const sensor_msgs::CameraInfo& info) {
+  const Eigen::Matrix3d R = Eigen::Map<const RowMajor>(info.R.data());
+  return R.isZero(0.0) ? Eigen::Matrix3d::Identity() : so3::normalized(R);
+}
 
 RigAssembler::RigAssembler(const FrameTree& frames, std::string left_topic, std::string right_topic)
     : frames_(frames), left_topic_(std::move(left_topic)), right_topic_(std::move(right_topic)) {
@@ -79,7 +100,7 @@ void RigAssembler::setImuFrame(const std::string& imu_frame) {
 
 void RigAssembler::noteChange(const std::optional<sensor_msgs::CameraInfo>& held,
                               const sensor_msgs::CameraInfo& info) {
-  if (rig_ && held && held->P != info.P) changed_later_ = true;
+  if (rig_ && held && (held->P != info.P || held->R != info.R)) changed_later_ = true;
 }
 
 void RigAssembler::addLeft(const sensor_msgs::CameraInfo& info) {
@@ -108,7 +129,7 @@ std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
   if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
   const auto found = frames_.find(left_frame_, imu_frame_);
   if (!found) return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
-  cam_T_imu = *found;
+  cam_T_imu = SE3(rectification(*left_), Eigen::Vector3d::Zero()) * *found;
   if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
   return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";
 }
@@ -126,7 +147,7 @@ void RigAssembler::update() {
   if (left_) note(transformProblem(cam_T_imu));
   problem_.clear();
   for (const std::string& text : problems) problem_ += (problem_.empty() ? "" : "; ") + text;
-  if (problems.empty()) rig_ = StereoRig{toCamera(*left_, *right_), cam_T_imu};
+  if (problems.empty()) rig_ = StereoRig{stereoCamera(*left_, *right_), cam_T_imu};
 }
 
 } // namespace vi_ekf_slam

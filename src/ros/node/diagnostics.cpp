@@ -55,7 +55,7 @@ void Diagnostics::noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Cl
 
 void Diagnostics::noteOutput(const Output& output, bool is_frame) {
   newest_output_ = output.state.stamp;
-  latency_.noteResult(is_frame ? Stream::kStereo : Stream::kGyro, newest_output_);
+  latency_.noteResult(is_frame ? Stream::kStereo : Stream::kImu, newest_output_);
   if (!is_frame) return;
   last_frame_ = output;
   slowest_update_s_ = std::max(slowest_update_s_, output.update_s);
@@ -66,16 +66,33 @@ void Diagnostics::inputs(Status& status) {
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     status.addf(std::string(kStreams[i]) + " rate (Hz of sensor time)", "%.2f", rates_[i].rate());
     const auto silence = rates_[i].silence();
-    if (silence && *silence < kSilence) continue;
+    if (silence ? *silence < kSilence : !from_.intake.isRequired(static_cast<Stream>(i))) continue;
     status.mergeSummary(DiagnosticStatus::WARN,
                         std::string(silence ? "silent: " : "nothing yet on ") + kStreams[i]);
   }
+  const ImuCheck& imu = from_.system.imuCheck();
+  status.add("imu intervals that are not the usual one", imu.counts().stutters);
+  status.add("imu stamps that went back", imu.counts().backwards);
+  status.add("times that imu stopped", imu.counts().stops);
+  if (const std::string problem = imu.problem(); !problem.empty())
+    status.mergeSummary(DiagnosticStatus::WARN, problem);
+  if (const std::string& problem = from_.intake.stereoCheck().problem(); !problem.empty())
+    status.mergeSummary(DiagnosticStatus::WARN, problem);
 }
 
 void Diagnostics::calibration(Status& status) {
   status.add("known", from_.system.hasRig());
   if (from_.system.hasRig()) {
     status.summary(DiagnosticStatus::OK, "known");
+    if (const auto rig = from_.system.estimator().rig(); rig && rig->isEstimated()) {
+      status.summary(DiagnosticStatus::OK, "estimated");
+      status.add("time offset of the camera (s)", rig->time_offset);
+      status.add("its sigma (s)", rig->time_offset_sigma);
+      status.add("largest sigma of the camera's rotation (rad)", rig->rotation_sigma.maxCoeff());
+      status.add("largest sigma of the camera's translation (m)", rig->translation_sigma.maxCoeff());
+      status.add("baseline (m)", rig->rig.camera.baseline);
+      status.add("its sigma (m)", rig->baseline_sigma);
+    }
   } else if (!from_.system.needsRig()) {
     status.summary(DiagnosticStatus::OK, "not needed: the configuration uses no features");
   } else {
@@ -98,7 +115,16 @@ void Diagnostics::frames(Status& status) {
 }
 
 void Diagnostics::estimator(Status& status) {
-  status.add("initialised", newest_output_ != 0);
+  const Estimator& estimator = from_.system.estimator();
+  status.add("initialised", newest_output_ != 0 && estimator.hasStarted());
+  status.add("motion", from_.system.motionText());
+  status.add("frames before the start", from_.system.counts().frames_before_start);
+  for (const StreamNoise& noise : from_.system.noise().streams())
+    status.add("noise of " + noise.stream, toText(noise));
+  if (!estimator.hasStarted()) {
+    status.summary(DiagnosticStatus::WARN, "not started: " + estimator.startProblem());
+    return;
+  }
   if (newest_output_ == 0) {
     status.summary(DiagnosticStatus::WARN, "not initialised: no measurement processed yet");
     return;
@@ -106,8 +132,6 @@ void Diagnostics::estimator(Status& status) {
   status.summary(DiagnosticStatus::OK, "running");
   status.addf("lag behind newest input (s of sensor time)", "%.3f",
               secondsBetween(newest_output_, newest_input_));
-  for (const StreamNoise& noise : from_.system.noise().streams())
-    status.add("noise of " + noise.stream, toText(noise));
   if (!last_frame_) return;
   const FrameReport& r = last_frame_->report;
   status.add("features", r.features);
@@ -188,7 +212,7 @@ void Diagnostics::load(Status& status) {
   status.add("messages waiting", queue.size);
   status.add("feature messages shed", queue.frames_shed);
   status.add("features shed", from_.intake.shedFeatures());
-  status.add("features taken of a message at most", from_.load.limit());
+  status.add("features taken of a message at most", from_.queue.featureLimit());
 }
 
 void Diagnostics::drops(Status& status) {

@@ -20,6 +20,7 @@ Services::Services(const ros::NodeHandle& private_nh, const FullConfig& config, 
   nh_.setCallbackQueue(&queue_);
   servers_ = {nh_.advertiseService("reset", &Services::reset, this),
               nh_.advertiseService("set_pose", &Services::setPose, this),
+              nh_.advertiseService("set_state", &Services::setState, this),
               nh_.advertiseService("save_trajectory", &Services::saveTrajectory, this),
               nh_.advertiseService("save_map", &Services::saveMap, this),
               nh_.advertiseService("load_map", &Services::loadMap, this)};
@@ -43,6 +44,14 @@ bool Services::setPose(SetPose::Request& request, SetPose::Response& response) {
   response.success = done && response.message.empty();
   if (!done) response.message = "the pose is not set: the node is ending";
   if (response.success) response.message = "the pose is set";
+  return true;
+}
+
+bool Services::setState(SetState::Request& request, SetState::Response& response) {
+  const bool done = worker_.run([&] { response.message = actions_.set_state(request); });
+  response.success = done && response.message.empty();
+  if (!done) response.message = "the state is not set: the node is ending";
+  if (response.success) response.message = "the state is set; everything begins anew from there";
   return true;
 }
 

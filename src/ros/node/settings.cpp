@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "vi_ekf_slam/core/run/imu_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/node/tuning.hpp"
 #include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
@@ -22,11 +23,9 @@ namespace {
 
 /// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to
 /// start; a misspelled one of ours is seen.
-void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> names) {
-  // config_file is slam.launch's, diagnostic_period diagnostic_updater's, tuning dynamic_reconfigure's.
-  for (const char* known : {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
-                            "config_file", "diagnostic_period", "tuning"})
-    names.erase(known);
+void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> names,
+                   const std::set<std::string>& known) {
+  for (const std::string& name : known) names.erase(name);
   std::string list;
   for (const std::string& name : names) list += (list.empty() ? "" : ", ") + private_nh.resolveName(name);
   if (!list.empty()) ROS_WARN_STREAM("not read, since the node knows no such parameter: " << list);
@@ -34,25 +33,39 @@ void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> name
 
 } // namespace
 
-NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
-  NodeSettings settings;
-  settings.source = "parameters of " + private_nh.getNamespace();
+FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<std::string>& known) {
   XmlRpc::XmlRpcValue tree;
-  std::string yaml;
+  YAML::Node configuration(YAML::NodeType::Map);
   if (private_nh.getParam(private_nh.getNamespace(), tree) &&
       tree.getType() == XmlRpc::XmlRpcValue::TypeStruct) {
     std::set<std::string> not_configuration;
     for (const auto& [name, value] : tree) {
-      if (!isConfigurationKey(name)) not_configuration.insert(name);
+      if (isConfigurationKey(name)) {
+        configuration[name] = toYaml(value);
+      } else {
+        not_configuration.insert(name);
+      }
     }
-    warnOfForeign(private_nh, not_configuration);
-    yaml = toYaml(tree, not_configuration);
+    warnOfForeign(private_nh, not_configuration, known);
   }
-  settings.config = parseFullConfig(yaml, settings.source);
+  return parseFullConfig(YAML::Dump(configuration), "parameters of " + private_nh.getNamespace());
+}
+
+NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
+  NodeSettings settings;
+  settings.source = "parameters of " + private_nh.getNamespace();
+  // config_file is slam.launch's, diagnostic_period diagnostic_updater's, tuning dynamic_reconfigure's.
+  settings.config =
+      readConfiguration(private_nh, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
+                                     "config_file", "initial_state", "diagnostic_period", "tuning"});
   applyStored(private_nh, settings.config);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
     throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
   }
+  std::string initial_state;
+  if (private_nh.hasParam("initial_state") && !private_nh.getParam("initial_state", initial_state))
+    throw ConfigError(settings.source + ": initial_state must be a string: a file, or empty");
+  if (!initial_state.empty()) settings.initial_state = readInitialState(absolutePath(initial_state));
   const double& period = settings.autosave_period_s;
   if (private_nh.hasParam("autosave_period") &&
       (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||

@@ -1,48 +1,55 @@
 #include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <utility>
 
 #include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/node/told_pose.hpp"
+#include "vi_ekf_slam/ros/node/told_state.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kWarningPeriod = 5.0;       // s of wall time between warnings
-constexpr std::uint32_t kInputQueue = 10000; // messages an input; deep, so that a busy machine loses nothing
+constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 
-} // namespace
-
-InputTopics SlamNode::resolvedTopics() const {
+InputTopics resolvedTopics(const ros::NodeHandle& nh) {
   InputTopics topics;
   for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
                             &topics.features, &topics.left_info, &topics.right_info}) {
-    *name = nh_.resolveName(*name);
+    *name = nh.resolveName(*name);
   }
   return topics;
 }
 
-SlamNode::SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
-    : nh_(std::move(nh)),
-      settings_(readNodeSettings(private_nh)),
+} // namespace
+
+SlamNode::SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : settings_(readNodeSettings(private_nh)),
       maps_(settings_.maps),
       system_(settings_.config.core),
-      intake_(system_, settings_.config.ros, resolvedTopics()),
-      sequencer_([this](const Output& output, bool is_frame) {
-        if (output.report.relocalised) publishers_.reset(); // earlier poses are in another frame
-        publishers_.publish(output, is_frame, intake_.imuFrame());
-        diagnostics_.noteOutput(output, is_frame);
-      }),
-      publishers_(nh_, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
+      intake_(system_, settings_.config.ros, resolvedTopics(nh)),
+      sequencer_(
+          [this](const Output& output, bool is_frame) {
+            if (output.report.relocalised) publishers_.reset(); // earlier poses are in another frame
+            publishers_.findBase(intake_.imuFrame(), system_.motion() == MotionChoice::kInertial);
+            publishers_.publish(output, is_frame);
+            diagnostics_.noteOutput(output, is_frame);
+          },
+          settings_.config.ros.odometry_rate),
+      publishers_(nh, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
                   [this] { return system_.estimator().landmarks(); }),
-      load_(settings_.config.ros.max_features, settings_.config.ros.max_latency_s),
-      worker_({settings_.config.ros.max_latency_s, 3 * kInputQueue}),
-      diagnostics_(nh_, private_nh, {system_, intake_, publishers_, worker_.queue(), load_}),
-      results_(settings_, maps_, system_, worker_, [this] { return summary(); }) {
+      worker_({settings_.config.ros.max_latency_s, 3 * Subscriptions::kQueueSize,
+               settings_.config.ros.max_features}),
+      diagnostics_(nh, private_nh, {system_, intake_, publishers_, worker_.queue()}),
+      results_(settings_, maps_, system_, worker_, [this] { return summary(); }),
+      arrival_check_(settings_.config.core.buffer.max_delay_s),
+      subscriptions_(nh, worker_.queue()) {
   connectSystem();
   maps_.begin(system_);
-  subscribe();
+  if (settings_.initial_state) system_.begin(*settings_.initial_state);
+  subscribe(nh.resolveName("initialpose"));
   services_ = std::make_unique<Services>(private_nh, settings_.config, actions(), worker_, results_, maps_);
   worker_.start({[this](WorkQueue::Item& item) { process(item); }, [this](bool is_pause) { tend(is_pause); },
                  [this](const std::string& failure) { diagnostics_.fail(failure); }});
@@ -60,70 +67,58 @@ std::string SlamNode::failure() const {
 }
 
 void SlamNode::connectSystem() {
-  system_.onGyro([this](const Output& output) { handleOutput(output, false); });
+  system_.onImu([this](const Output& output) { handleOutput(output, false); });
   system_.onFrame([this](const Output& output) { handleOutput(output, true); });
   system_.onNoise([](const StreamNoise& noise) { ROS_INFO_STREAM("noise: " << toText(noise)); });
+  system_.onStart([](const std::string& text) { ROS_INFO_STREAM(text); });
+  if (!system_.motionText().empty()) ROS_INFO_STREAM("motion: " << system_.motionText());
+  system_.onImuProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
   system_.onReset([this](const std::string& reason) { handleReset(reason); });
   intake_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
 }
 
 template <typename Message>
-void SlamNode::listen(const std::string& topic, std::function<void(const Message&)> process,
-                      std::optional<Stream> stream) {
-  const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
-      [this, process, stream](const boost::shared_ptr<const Message>& message) {
-        worker_.queue().push([process, message] { process(*message); }, stream);
-      };
-  subscribers_.push_back(nh_.subscribe<Message>(topic, kInputQueue, callback, ros::VoidConstPtr(),
-                                                ros::TransportHints().tcpNoDelay()));
-}
-
-template <typename Message>
 void SlamNode::listenToMeasurements(const std::string& topic, Stream stream) {
-  listen<Message>(
+  subscriptions_.listen<Message>(
       topic,
       [this, stream](const Message& message) {
         diagnostics_.noteInput(stream, message.header.stamp, watch_.item_arrival);
+        noteArrival(stream, message.header.stamp);
         intake_.add(message);
       },
       stream);
 }
 
-void SlamNode::listenToTransforms(const std::string& topic, bool is_static) {
-  using Event = ros::MessageEvent<const tf2_msgs::TFMessage>;
-  const boost::function<void(const Event&)> callback = [this, is_static](const Event& event) {
-    const bool of_this_process = event.getPublisherName() == ros::this_node::getName();
-    worker_.queue().push(
-        [this, is_static, of_this_process, message = event.getConstMessage()] {
-          handleTransforms(*message, is_static, of_this_process);
-        },
-        {});
-  };
-  ros::SubscribeOptions options;
-  options.initByFullCallbackType<const Event&>(topic, kInputQueue, callback);
-  options.transport_hints = ros::TransportHints().tcpNoDelay();
-  subscribers_.push_back(nh_.subscribe(options));
+/// In the clock of the machine: simulated time says nothing about receipt.
+void SlamNode::noteArrival(Stream stream, const ros::Time& stamp) {
+  if (ros::Time::isSimTime()) return;
+  const auto waited =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(WorkQueue::Clock::now() - watch_.item_arrival);
+  const auto received = static_cast<Stamp>(ros::Time::now().toNSec()) - static_cast<Stamp>(waited.count());
+  const std::string problem = arrival_check_.note(stream, static_cast<Stamp>(stamp.toNSec()), received);
+  if (!problem.empty()) ROS_WARN_STREAM(problem);
 }
 
-void SlamNode::subscribe() {
+void SlamNode::subscribe(const std::string& pose_topic) {
   using geometry_msgs::PoseWithCovarianceStamped;
   using geometry_msgs::TwistWithCovarianceStamped;
   using sensor_msgs::CameraInfo;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  listenToTransforms("/tf_static", true);
-  listenToTransforms("/tf", false);
-  listen<CameraInfo>(names.left_info, [this](const CameraInfo& m) { intake_.addLeftInfo(m); }, {});
-  listen<CameraInfo>(names.right_info, [this](const CameraInfo& m) { intake_.addRightInfo(m); }, {});
-  listen<TwistWithCovarianceStamped>(names.twist_bias, [this](const auto& m) { intake_.addTwistBias(m); },
-                                     {});
-  listen<PoseWithCovarianceStamped>("initialpose",
-                                    [this](const auto& m) {
-                                      const std::string problem = setPose(m);
-                                      if (!problem.empty())
-                                        ROS_WARN_STREAM(nh_.resolveName("initialpose") << ": " << problem);
-                                    },
-                                    {});
-  listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kGyro);
+  for (const bool is_static : {true, false}) {
+    subscriptions_.listenToTransforms(is_static ? "/tf_static" : "/tf",
+                                      [this, is_static](const auto& message, bool of_this_process) {
+                                        handleTransforms(message, is_static, of_this_process);
+                                      });
+  }
+  subscriptions_.listen<CameraInfo>(names.left_info, [this](const auto& m) { intake_.addLeftInfo(m); });
+  subscriptions_.listen<CameraInfo>(names.right_info, [this](const auto& m) { intake_.addRightInfo(m); });
+  subscriptions_.listen<TwistWithCovarianceStamped>(names.twist_bias,
+                                                    [this](const auto& m) { intake_.addTwistBias(m); });
+  subscriptions_.listen<PoseWithCovarianceStamped>("initialpose", [this, pose_topic](const auto& m) {
+    const std::string problem = setPose(m);
+    if (!problem.empty()) ROS_WARN_STREAM(pose_topic << ": " << problem);
+  });
+  listenToMeasurements<sensor_msgs::Imu>(names.imu, Stream::kImu);
   listenToMeasurements<TwistWithCovarianceStamped>(names.velocity, Stream::kVelocity);
   listenToMeasurements<nav_msgs::Odometry>(names.wheel_odometry, Stream::kVelocity);
   listenToMeasurements<StereoFeatureArray>(names.features, Stream::kStereo);
@@ -136,6 +131,7 @@ Services::Actions SlamNode::actions() {
             maps_.noteLoaded(file);
           },
           [this](const geometry_msgs::PoseWithCovarianceStamped& pose) { return setPose(pose); },
+          [this](const SetState::Request& state) { return setState(state); },
           [this](const TuningConfig& tuning) {
             publishers_.setRates(tuning.path_period_s, tuning.landmark_period_s,
                                  tuning.max_bandwidth_bytes_s);
@@ -145,10 +141,7 @@ Services::Actions SlamNode::actions() {
 
 void SlamNode::process(WorkQueue::Item& item) {
   watch_.item_arrival = item.arrival;
-  if (item.stream == Stream::kStereo) {
-    load_.noteFrame(secondsSince(item.arrival));
-    intake_.limitFeatures(load_.limit());
-  }
+  intake_.limitFeatures(worker_.queue().featureLimit());
   item.work();
   // Calibration lets go of the measurements that waited for it, so this is due after every kind of item.
   sequencer_.endOfDrain();
@@ -226,6 +219,31 @@ std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& me
   return {};
 }
 
+/// Why nothing was done; empty: it was.
+std::string SlamNode::setState(const SetState::Request& request) {
+  if (system_.motion() == MotionChoice::kConstantTwist)
+    return "the state is not set: the motion is a constant twist, it must be inertial";
+  sequencer_.endOfDrain();
+  if (!publishers_.findBase(intake_.imuFrame(), true))
+    return publishers_.problem().empty() ? "the IMU's frame is not known yet: no imu message has come"
+                                         : publishers_.problem();
+  InitialState state;
+  const std::string problem =
+      readToldState(request, settings_.config.ros.map_frame, publishers_.base(), state);
+  if (!problem.empty()) return problem;
+  const double limit = settings_.config.core.buffer.max_gap_s;
+  if (const auto newest = system_.newest()) {
+    const double ahead = secondsBetween(*newest, state.stamp);
+    if (!(std::abs(ahead) <= limit))
+      return "header.stamp is " + std::to_string(ahead) +
+             " s after the newest measurement, allowed: " + std::to_string(limit) +
+             " s (buffer/max_gap_s) before to after it";
+  }
+  system_.reset("a state is set");
+  system_.begin(state);
+  return {};
+}
+
 void SlamNode::warn() {
   std::string warning;
   const auto add = [&warning](const std::string& text) { warning += (warning.empty() ? "" : "; ") + text; };
@@ -238,6 +256,8 @@ void SlamNode::warn() {
   } else if (intake_.rigAssembler().changedLater()) {
     add("camera_info has changed; the first calibration stays in use until a restart");
   }
+  if (system_.counts().frames_before_start > 0 && !system_.estimator().hasStarted())
+    add("no pose is published yet, not started: " + system_.estimator().startProblem());
   if (const std::string unpublished = publishers_.problem(); !unpublished.empty()) add(unpublished);
   const auto turned_away = diagnostics_.allTurnedAway();
   if (turned_away != watch_.warned_turned_away) {
@@ -256,12 +276,16 @@ RunSummary SlamNode::summary() const {
           secondsSince(watch_.start),
           system_.counts(),
           diagnostics_.allTurnedAway(),
-          system_.noise().streams()};
+          system_.noise().streams(),
+          system_.motionText(),
+          system_.estimator().startProblem(),
+          system_.imuCheck().counts(),
+          system_.estimator().rig()};
 }
 
 void SlamNode::finish() {
   if (!services_) return;
-  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  subscriptions_.shutdown();
   worker_.stop();
   services_.reset();
   try {

@@ -50,6 +50,7 @@ std::optional<WorkQueue::Item> WorkQueue::pop(double wait_s) {
   if (isFrame(item)) {
     --frames_;
     last_frame_ = Clock::now();
+    load_.noteFrame(secondsSince(item.arrival));
   }
   return item;
 }
@@ -83,6 +84,11 @@ WorkQueue::Counts WorkQueue::counts() const {
   Counts counts = counts_;
   counts.size = items_.size();
   return counts;
+}
+
+std::size_t WorkQueue::featureLimit() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return load_.limit();
 }
 
 } // namespace vi_ekf_slam

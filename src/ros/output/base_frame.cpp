@@ -23,7 +23,7 @@ Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
 
 } // namespace
 
-bool BaseFrame::update(const std::string& imu_frame) {
+bool BaseFrame::update(const std::string& imu_frame, bool is_level) {
   if (!name_.empty()) return true;
   imu_frame_ = imu_frame;
   if (imu_frame.empty()) return false;
@@ -32,6 +32,8 @@ bool BaseFrame::update(const std::string& imu_frame) {
     const auto base_T_imu = frames_.find(base, imu_frame);
     if (!base_T_imu || !(base_T_imu->translation().norm() <= kVehicleSize)) return false;
     base_T_imu_ = base_T_imu;
+    const Eigen::Vector3d heading(0.0, 0.0, so3::heading(base_T_imu->rotation()));
+    map_T_world_ = is_level ? SE3(so3::Exp(heading), base_T_imu->translation()) : *base_T_imu;
   }
   name_ = base;
   return true;
@@ -56,12 +58,12 @@ std::string BaseFrame::problem() const {
 
 SE3 BaseFrame::pose(const SE3& world_T_imu) const {
   if (!base_T_imu_) return world_T_imu;
-  return *base_T_imu_ * world_T_imu * base_T_imu_->inverse();
+  return map_T_world_ * world_T_imu * base_T_imu_->inverse();
 }
 
 SE3 BaseFrame::imuPose(const SE3& map_T_base) const {
   if (!base_T_imu_) return map_T_base;
-  return base_T_imu_->inverse() * map_T_base * *base_T_imu_;
+  return map_T_world_.inverse() * map_T_base * *base_T_imu_;
 }
 
 StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
@@ -69,7 +71,7 @@ StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
   StateEstimate of_base = of_imu;
   of_base.world_T_imu = pose(of_imu.world_T_imu);
   const Eigen::Vector3d arm = of_imu.world_T_imu.rotation() * base_T_imu_->inverse().translation();
-  const Matrix6d turn = twice(base_T_imu_->rotation());
+  const Matrix6d turn = twice(map_T_world_.rotation());
   of_base.pose_covariance = symmetric(turn * shifted(of_imu.pose_covariance, arm) * turn.transpose());
   const Matrix6d adjoint = base_T_imu_->adjoint(); // v_base = R (v + omega x arm)
   of_base.twist = adjoint * of_imu.twist;
@@ -80,15 +82,15 @@ StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
 Matrix6d BaseFrame::imuCovariance(const SE3& map_T_base, const Matrix6d& covariance) const {
   if (!base_T_imu_) return covariance;
   const Eigen::Vector3d arm = map_T_base.rotation() * base_T_imu_->translation();
-  const Matrix6d turn = twice(base_T_imu_->rotation().transpose());
+  const Matrix6d turn = twice(map_T_world_.rotation().transpose());
   return symmetric(turn * shifted(covariance, arm) * turn.transpose());
 }
 
 std::vector<LandmarkEstimate> BaseFrame::landmarks(std::vector<LandmarkEstimate> in_world) const {
   if (!base_T_imu_) return in_world;
-  const Eigen::Matrix3d& R = base_T_imu_->rotation();
+  const Eigen::Matrix3d& R = map_T_world_.rotation();
   for (LandmarkEstimate& landmark : in_world) {
-    landmark.position = *base_T_imu_ * landmark.position;
+    landmark.position = map_T_world_ * landmark.position;
     landmark.covariance = R * landmark.covariance * R.transpose();
   }
   return in_world;

@@ -22,9 +22,12 @@ visualization_msgs::Marker emptyMarker(const std::string& frame, Stamp stamp, in
   return marker;
 }
 
-/// Green (well known) to red.
-std_msgs::ColorRGBA colour(double sigma, double sigma_red) {
-  const auto share = static_cast<float>(std::clamp(sigma / sigma_red, 0.0, 1.0));
+constexpr double kSmallestSigma = 1e-3; // m, shown; the logarithm of 0 is none
+
+/// Green (kSigmaGreen and less) to red (kSigmaRed and more) by the logarithm of sigma (m).
+std_msgs::ColorRGBA colour(double sigma) {
+  const double decades = std::log10(std::max(sigma, kSmallestSigma) / kSigmaGreen);
+  const auto share = static_cast<float>(std::clamp(decades / std::log10(kSigmaRed / kSigmaGreen), 0.0, 1.0));
   std_msgs::ColorRGBA c;
   c.r = share;
   c.g = 1.0F - share;
@@ -58,7 +61,7 @@ visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& l
     const std::size_t end = std::min(landmarks.size(), begin + kMaxPointsPerMarker);
     for (std::size_t i = begin; i < end; ++i) {
       marker.points.push_back(toPoint(landmarks[i].position));
-      marker.colors.push_back(colour(landmarkSigma(landmarks[i]), style.sigma_red_m));
+      marker.colors.push_back(colour(landmarkSigma(landmarks[i])));
     }
     array.markers.push_back(std::move(marker));
   }
@@ -86,20 +89,24 @@ sensor_msgs::PointCloud2 toCloud(const std::vector<LandmarkEstimate>& landmarks,
   cloud.header.stamp = conversions::toTime(stamp);
   cloud.height = 1;
   sensor_msgs::PointCloud2Modifier modifier(cloud);
-  modifier.setPointCloud2Fields(6, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
+  modifier.setPointCloud2Fields(7, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,
                                 PointField::FLOAT32, "sigma", 1, PointField::FLOAT32, "id", 1,
-                                PointField::UINT32, "id_high", 1, PointField::UINT32);
+                                PointField::UINT32, "id_high", 1, PointField::UINT32, "log10_sigma", 1,
+                                PointField::FLOAT32);
   modifier.resize(landmarks.size());
   cloud.is_dense = true;
-  sensor_msgs::PointCloud2Iterator<float> xyz(cloud, "x"), sigma(cloud, "sigma");
+  sensor_msgs::PointCloud2Iterator<float> xyz(cloud, "x"), sigma(cloud, "sigma"),
+      log10_sigma(cloud, "log10_sigma");
   sensor_msgs::PointCloud2Iterator<std::uint32_t> id(cloud, "id");
   for (const LandmarkEstimate& landmark : landmarks) {
     for (int axis = 0; axis < 3; ++axis) xyz[axis] = static_cast<float>(landmark.position[axis]);
     *sigma = static_cast<float>(landmarkSigma(landmark));
+    *log10_sigma = std::log10(std::max(*sigma, static_cast<float>(kSmallestSigma)));
     id[0] = static_cast<std::uint32_t>(landmark.id);
     id[1] = static_cast<std::uint32_t>(landmark.id >> 32U);
     ++xyz;
     ++sigma;
+    ++log10_sigma;
     ++id;
   }
   return cloud;

@@ -1,15 +1,26 @@
 #include "vi_ekf_slam/ros/output/output_sequencer.hpp"
 
+#include <cmath>
+
 namespace vi_ekf_slam {
+namespace {
+
+constexpr double kFramesStopped = 1.0; // s
+
+} // namespace
 
 void OutputSequencer::addGyro(const Output& output) {
   endOfDrain();
-  held_ = output;
+  // A stamp before that frame's is of a new start.
+  const bool frames_come =
+      last_frame_ && std::abs(secondsBetween(*last_frame_, output.state.stamp)) <= kFramesStopped;
+  if (rate_ == OdometryRate::kImu || !frames_come) held_ = output;
 }
 
 void OutputSequencer::addFrame(const Output& output) {
   if (held_ && held_->state.stamp == output.state.stamp) held_.reset();
   endOfDrain();
+  last_frame_ = output.state.stamp;
   sink_(output, true);
 }
 

@@ -25,8 +25,8 @@ Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_j
       dead_reckoning_(nh.advertise<nav_msgs::Odometry>("dead_reckoning/odometry", kOutputQueue)),
       pose_(nh.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", kOutputQueue)) {}
 
-void Publishers::publish(const Output& output, bool is_frame, const std::string& imu_frame) {
-  if (!base_.update(imu_frame)) return;
+void Publishers::publish(const Output& output, bool is_frame) {
+  if (base_.name().empty()) return;
   const Stamp stamp = output.state.stamp;
   last_stamp_ = stamp;
   const StateEstimate in_map = base_.state(output.state);

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/ros/output/smooth_odometry.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
@@ -12,6 +13,7 @@ constexpr double kCorrelationTime = 1.0; // s that an error of the twist lasts
 } // namespace
 
 StateEstimate SmoothOdometry::update(const SE3& start_T_base, const StateEstimate& state) {
+  if (std::exchange(is_restarted_, false)) odom_T_start_ = pose_ * start_T_base.inverse();
   const SE3 before = pose_;
   pose_ = (odom_T_start_ * start_T_base).normalized();
   if (stamp_ && state.stamp > *stamp_) {
@@ -42,7 +44,7 @@ SE3 SmoothOdometry::motionSince(Stamp then) const {
 
 void SmoothOdometry::restart() {
   poses_.clear();
-  odom_T_start_ = pose_;
+  is_restarted_ = true;
   stamp_.reset();
 }
 

@@ -12,6 +12,8 @@ from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB, load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
 from vi_ekf_slam.dataset.summary import summarise
 from vi_ekf_slam.dataset.truth import BODIES, load_truth
+from vi_ekf_slam.recordings.formats import load_recording
+from vi_ekf_slam.recordings.summary import summarise_recording
 
 DEFAULT_VELOCITY_SIGMA = 0.5  # m/s
 DEFAULT_GYRO_SIGMA = 0.05  # rad/s
@@ -24,9 +26,12 @@ def make_parser():
     """The argument parser, with every option's unit and default."""
     parser = argparse.ArgumentParser(
         prog="dataset_to_bag.py",
-        description="Convert a drive (.npz: stereo features, gyro, velocity) to a bag with the topics /imu, /velocity, "
-                    "/features, /left/camera_info, /right/camera_info and /tf_static.")
-    parser.add_argument("input", metavar="IN.npz")
+        description="Convert a drive to a bag. IN, whose format is found out: an .npz with stereo features, gyro and velocity, "
+                    "or with an accelerometer; a folder of EuRoC or TUM-VI (mav0), a raw drive or an odometry sequence of "
+                    "KITTI. Topics: /imu, /velocity, /features or /left/image/compressed and /right/image/compressed, "
+                    "/left/camera_info, /right/camera_info, /tf_static and the truth. Beside OUT.bag, where the drive has "
+                    "them: OUT.imu.yaml, the IMU's noise, and OUT.initial_state.yaml, a state to start from.")
+    parser.add_argument("input", metavar="IN")
     parser.add_argument("output", metavar="OUT.bag", nargs="?", help="not needed with --info")
     parser.add_argument("--info", action="store_true", help="print a summary of the dataset and write nothing")
     parser.add_argument("--without-features", action="store_true", help="convert IMU and velocity alone")
@@ -40,6 +45,7 @@ def make_parser():
     parser.add_argument("--gyro-sigma", type=float, metavar="RAD/S",
                         help="standard deviation of the gyro per axis (default: %g)" % DEFAULT_GYRO_SIGMA)
     add_bias_options(parser)
+    add_folder_options(parser)
     parser.add_argument("--truth", metavar="FILE",
                         help="true poses, KITTI (12 columns) or TUM (8 columns), recorded as /ground_truth/path and "
                              "/ground_truth/pose: IMU poses that begin at the identity of the frame map")
@@ -50,6 +56,17 @@ def make_parser():
                              "twice as much at its peak (default: %(default)g)")
     parser.add_argument("--quiet", action="store_true", help="no report and no progress bar")
     return parser
+
+
+def add_folder_options(parser):
+    """For drives that are folders."""
+    parser.add_argument("--velocity", action="store_true",
+                        help="of a raw drive of KITTI: the velocity of oxts too, as /velocity")
+    parser.add_argument("--calibration", metavar="PATH",
+                        help="of a folder: Kalibr's camchain (EuRoC, TUM-VI), or the folder with KITTI's calibration (default: "
+                             "what lies in the drive's folder)")
+    parser.add_argument("--skip-bad", action="store_true",
+                        help="leave out files that are missing, damaged or too many, and say which; else they are errors")
 
 
 def add_bias_options(parser):
@@ -66,15 +83,12 @@ def check_sigmas(options):
     """InputError unless all of them are positive."""
     for name, unit in (("velocity_sigma", "m/s"), ("gyro_sigma", "rad/s"), ("velocity_bias_sigma", "m/s"),
                        ("gyro_bias_sigma", "rad/s")):
-        checks.require_positive(getattr(options, name), "--" + name.replace("_", "-"), unit)
+        if getattr(options, name) is not None:
+            checks.require_positive(getattr(options, name), "--" + name.replace("_", "-"), unit)
 
 
 def convert(options):
     """Do what the parsed options ask; InputError when something is refused."""
-    if options.gyro_bias_sigma is None:
-        options.gyro_bias_sigma = NOISY_GYRO_BIAS_SIGMA if options.gyro_sigma is None else INS_GYRO_BIAS_SIGMA
-    if options.gyro_sigma is None:
-        options.gyro_sigma = DEFAULT_GYRO_SIGMA
     check_sigmas(options)
     checks.require_positive(options.max_memory_mb, "--max-memory-mb", "MB")
     if options.truth_body and not options.truth:
@@ -85,6 +99,14 @@ def convert(options):
         check_output(options.output, options.input)
         _bag_writer()  # complain before the work, not after it
 
+    recording = load_recording(options, vars(make_parser().parse_args(["--", options.input])))
+    if recording is not None:
+        convert_recording(options, recording)
+        return
+    if options.gyro_bias_sigma is None:
+        options.gyro_bias_sigma = NOISY_GYRO_BIAS_SIGMA if options.gyro_sigma is None else INS_GYRO_BIAS_SIGMA
+    if options.gyro_sigma is None:
+        options.gyro_sigma = DEFAULT_GYRO_SIGMA
     dataset = load_dataset(options.input, options.extrinsic, options.without_features, options.max_memory_mb)
     repair = None
     if dataset.features is not None:
@@ -100,6 +122,21 @@ def convert(options):
     if options.info:
         return
     _write(options, dataset, repair, truth)
+
+
+def convert_recording(options, recording):
+    """Write a recordings.recording.Recording, or report on it with --info."""
+    if not options.quiet or options.info:
+        print("\n".join(summarise_recording(recording)), flush=True)
+    if options.info:
+        return
+    from vi_ekf_slam.bag.recording_writer import record_recording, side_files
+    for path in side_files(recording, options.output):
+        check_output(path, options.input)
+    count = record_recording(recording, options.output, options.quiet)
+    if not options.quiet:
+        print("wrote: %s, %d messages" % (options.output, count))
+        print("".join("wrote: %s\n" % path for path in side_files(recording, options.output)), end="")
 
 
 def _bag_writer():

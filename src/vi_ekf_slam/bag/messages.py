@@ -4,7 +4,7 @@ import genpy
 import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TransformStamped, TwistWithCovarianceStamped, Vector3
 from nav_msgs.msg import Path
-from sensor_msgs.msg import CameraInfo, Imu
+from sensor_msgs.msg import CameraInfo, CompressedImage, Imu
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -27,12 +27,17 @@ KITTI_SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 718.3351: (1238, 37
 
 
 def ros_time(stamp):
-    """Seconds -> genpy.Time, rounded to the nanosecond."""
-    return genpy.Time(*divmod(int(nanoseconds(np.float64(stamp))), 1000000000))
+    """Seconds -> genpy.Time, rounded to the nanosecond; a genpy.Time is itself."""
+    return stamp if isinstance(stamp, genpy.Time) else from_nanoseconds(nanoseconds(np.float64(stamp)))
+
+
+def from_nanoseconds(stamp):
+    """Integer nanoseconds -> genpy.Time."""
+    return genpy.Time(*divmod(int(stamp), 1000000000))
 
 
 def header(stamp, frame_id, seq=0):
-    """Header with a stamp in seconds."""
+    """Header; stamp: seconds or a genpy.Time, as for all functions below."""
     return Header(seq=seq, stamp=ros_time(stamp), frame_id=frame_id)
 
 
@@ -58,6 +63,16 @@ def imu(stamp, angular_velocity, sigma, seq=0):
     return message
 
 
+def inertial(stamp, angular_velocity, acceleration, gyro_variance, accelerometer_variance, seq=0):
+    """Sample of gyro (3, rad/s) and accelerometer (3, m/s^2); variances of one coordinate, 0: not known (see Imu.msg)."""
+    message = Imu(header=header(stamp, IMU_FRAME, seq), angular_velocity=Vector3(*angular_velocity),
+                  linear_acceleration=Vector3(*acceleration))
+    message.angular_velocity_covariance = _diagonal([gyro_variance] * 3)
+    message.linear_acceleration_covariance = _diagonal([accelerometer_variance] * 3)
+    message.orientation_covariance[0] = -1.0
+    return message
+
+
 def velocity(stamp, linear_velocity, sigma, seq=0):
     """Body velocity (3, m/s); sigma is its standard deviation. The angular block is marked by UNKNOWN_VARIANCE."""
     message = TwistWithCovarianceStamped(header=header(stamp, IMU_FRAME, seq))
@@ -73,9 +88,10 @@ def twist_bias(stamp, velocity_sigma, gyro_sigma):
     return message
 
 
-def stereo_features(stamp, ids, pixels, seq=0):
-    """Features of one frame. ids: (N,) integers; pixels: (4, N) uL vL uR vR."""
-    features = [StereoFeature(int(i), *column) for i, column in zip(ids, pixels.T.tolist())]
+def stereo_features(stamp, ids, pixels, seq=0, sigmas=None):
+    """Features of one frame. ids: (N,) integers; pixels: (4, N) uL vL uR vR; sigmas: (N,) px, or None: not known."""
+    sigmas = [0.0] * len(ids) if sigmas is None else sigmas
+    features = [StereoFeature(int(i), *column, sigma, b"") for i, column, sigma in zip(ids, pixels.T.tolist(), sigmas)]
     return StereoFeatureArray(header=header(stamp, LEFT_FRAME, seq), features=features)
 
 
@@ -88,6 +104,24 @@ def camera_infos(stamp, intrinsics, baseline, size, seq=0):
                                 distortion_model="plumb_bob", D=[0.0] * 5, K=intrinsics.ravel().tolist(),
                                 R=np.eye(3).ravel().tolist(), P=projection.ravel().tolist()))
     return tuple(infos)
+
+
+def camera_info(stamp, frame_id, camera, seq=0):
+    """CameraInfo of a recordings.recording.Camera."""
+    return CameraInfo(header=header(stamp, frame_id, seq), width=camera.size[0], height=camera.size[1],
+                      distortion_model=camera.model, D=list(camera.distortion), K=camera.intrinsics.ravel().tolist(),
+                      R=camera.rectification.ravel().tolist(), P=camera.projection.ravel().tolist())
+
+
+def compressed_image(stamp, frame_id, data, encoding, seq=0):
+    """The bytes of an image file as they are; encoding: "png" or "jpeg"."""
+    return CompressedImage(header=header(stamp, frame_id, seq), format=encoding, data=data)
+
+
+def rig_transforms(stamp, imu_T_left, left_T_right, imu_frame=IMU_FRAME, left_frame=LEFT_FRAME, right_frame=RIGHT_FRAME):
+    """IMU -> left camera -> right camera."""
+    return TFMessage([_transform(stamp, imu_frame, left_frame, imu_T_left),
+                      _transform(stamp, left_frame, right_frame, left_T_right)])
 
 
 def static_transforms(stamp, cam_T_imu, baseline=None):

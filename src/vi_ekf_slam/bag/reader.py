@@ -6,9 +6,11 @@ from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 
+FEATURES, INFO = "/features", "/left/camera_info"
+
 
 class Reference:
-    """frame_stamps (T,) s of /features; cam_T_imu 4 x 4 or None; truth: (stamps, map_T_imu poses) or None."""
+    """frame_stamps (T,) s of /features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps, map_T_imu poses) or None."""
 
     def __init__(self, frame_stamps, cam_T_imu, truth):
         self.frame_stamps, self.cam_T_imu, self.truth = frame_stamps, cam_T_imu, truth
@@ -17,13 +19,13 @@ class Reference:
 def read_reference(path):
     """Read a bag as dataset_to_bag.py writes them.
 
-    The camera's frame is the one that /features names and the IMU's the one that /imu names; the extrinsic is the
+    The camera's frame is the one that /features names, or else /left/camera_info, and the IMU's the one that /imu names; the extrinsic is the
     transform between the two on /tf_static, in either direction.
     """
-    stamps, frames, transforms, truth = [], {}, [], None
+    stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
     with open_bag(path) as bag:
         require_bounded_chunks(bag, path)
-        topics = ["/features", "/imu", "/tf_static", "/ground_truth/path"]
+        topics = [FEATURES, INFO, "/imu", "/tf_static", "/ground_truth/path"]
         for topic, message, _ in bag.read_messages(topics):
             if topic == "/tf_static":
                 transforms.extend(message.transforms)
@@ -31,9 +33,10 @@ def read_reference(path):
                 truth = _read_path(message)
             else:
                 frames.setdefault(topic, message.header.frame_id)
-                if topic == "/features":
-                    stamps.append(message.header.stamp.to_sec())
-    return Reference(np.array(stamps), _find_extrinsic(transforms, frames.get("/features"), frames.get("/imu")), truth)
+                if topic in stamps:
+                    stamps[topic].append(message.header.stamp.to_sec())
+    camera = FEATURES if stamps[FEATURES] else INFO
+    return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth)
 
 
 def _read_path(message):

@@ -12,3 +12,9 @@ def read_yaml(path):
             return yaml.safe_load(stream)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
         raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
+
+
+def yaml_number(value):
+    """Text of a float with all its digits that every YAML reader takes for a number: YAML 1.1 asks for a point in 1.0e-05."""
+    mantissa, e, exponent = repr(float(value)).partition("e")
+    return mantissa + (".0" if e and "." not in mantissa else "") + e + exponent

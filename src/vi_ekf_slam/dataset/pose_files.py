@@ -45,6 +45,13 @@ def kitti_line(pose):
     return " ".join("%.12g" % n for n in np.ravel(pose[:3]))
 
 
+def quaternions_to_poses(quaternions, positions):
+    """(N, 4) x y z w, not zero, and (N, 3) -> poses (N, 4, 4)."""
+    poses = np.tile(np.eye(4), (len(positions), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = quaternion_to_rotation(quaternions), positions
+    return poses
+
+
 def _read_rows(path):
     if os.path.isdir(path):
         raise InputError("%s: is a directory, allowed: a pose file" % path)
@@ -106,4 +113,4 @@ def _tum_poses(path, rows, lines):
     if abs(norms[bad] - 1.0) > ROTATION_TOLERANCE:
         raise InputError("%s: line %d has a quaternion of norm %.6g, allowed: 1 within %g"
                          % (path, lines[bad], norms[bad], ROTATION_TOLERANCE))
-    return np.array([make_transform(quaternion_to_rotation(row[4:]), row[1:4]) for row in rows])
+    return quaternions_to_poses(rows[:, 4:], rows[:, 1:4])

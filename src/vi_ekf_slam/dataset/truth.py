@@ -11,16 +11,20 @@ STAMP_TOLERANCE = 1e-4  # s; text files may round stamps, frames are at least mi
 MAX_GAP = 1.0  # s between two truth poses; across longer gaps nothing is interpolated
 
 
-def load_truth(path, frame_stamps, cam_T_imu, body=None):
+def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
     """Read a KITTI or TUM file as IMU poses.
 
     frame_stamps: (T,) s; row k of a KITTI file belongs to frame k, and there may be fewer rows than frames.
     cam_T_imu: 4 x 4, needed when the poses are the left camera's. body: "imu", "left_camera" or None, which stands for
     the left camera in KITTI files and for the IMU in TUM files. TUM poses outside the drive's time are left out.
     Returns (stamps (N,), imu0_T_imu (N, 4, 4)); the first pose is the identity:
-    imu0_T_imu_k = imu_T_cam cam0_T_cam_k cam_T_imu.
+    imu0_T_imu_k = imu_T_cam cam0_T_cam_k cam_T_imu. With anchored=False they stay in the file's world, whose z is upwards
+    in TUM files; InputError for KITTI's, which have the first camera's axes.
     """
     stamps, poses = read_pose_file(path)
+    if stamps is None and not anchored:
+        raise InputError("%s: is in KITTI's format, which does not say where upwards is, allowed: a TUM file, or none with "
+                         "a bag that holds the truth" % path)
     if body is None:
         body = "left_camera" if stamps is None else "imu"
     if stamps is None:
@@ -38,7 +42,7 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None):
         if cam_T_imu is None:
             raise InputError("%s: holds poses of the left camera, and the drive has no extrinsic to the IMU" % path)
         poses = poses @ cam_T_imu
-    return stamps, inverse(poses[0]) @ poses
+    return stamps, inverse(poses[0]) @ poses if anchored else poses
 
 
 def sample_poses(stamps, poses, query):

@@ -5,22 +5,25 @@ from collections import namedtuple
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset.truth import sample_poses
 from vi_ekf_slam.evaluation.consistency import nees, pose_errors
+from vi_ekf_slam.evaluation.gauge import errors_after_yaw_alignment, frame_change
 from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
-                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors)
+                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors,
+                                            rigid_alignment)
 
 RPE_SECONDS, RPE_METRES = 1.0, 10.0
 
-Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe")
+Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe "
+                                      "ate_yaw orientation")
 Evaluation.__doc__ = """Errors of one trajectory.
 
 ate: m, RMSE of the positions after rigid alignment. kitti: metrics.KittiErrors. matched: number M of poses compared.
 body: whose positions, as text. anchored: m, RMSE of `error`. way: m, length of the true path.
 distance, error (M,): m of true path up to each pose, and its position error in m when the first poses coincide.
 segments: of metrics.kitti_segments. rpe: {"frame", "second", "metre": metrics.RelativeErrors} over one frame,
-RPE_SECONDS and RPE_METRES of true path.
+RPE_SECONDS and RPE_METRES of true path. ate_yaw m, orientation deg: RMSE over the IMU's poses after alignment by yaw and
+position, or None where gravity says nothing.
 """
 
 Consistency = namedtuple("Consistency", "stamps errors deviations nees nees_position nees_rotation")
@@ -31,13 +34,14 @@ covariances' diagonals, m and rad. nees (M,) of the pose (6 dof), position and r
 """
 
 
-def evaluate(stamps, poses, truth, cam_T_imu=None):
+def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose"):
     """Errors of world_T_imu poses (N, 4, 4) at stamps (N,) s against truth = (stamps, IMU poses), in any world frame.
 
     With an extrinsic the left cameras are compared, as the KITTI benchmark does, else the IMUs. Poses whose stamps the
-    truth does not reach are left out.
+    truth does not reach are left out. gauge: of gauge.GAUGES; with another than "pose" both worlds have z upwards.
     """
     valid, estimate, true_poses = match(stamps, poses, truth)
+    yaw_errors = (None, None) if gauge == "pose" else errors_after_yaw_alignment(estimate, true_poses)
     body = "IMU"
     if cam_T_imu is not None:
         estimate, true_poses = (left_camera_poses(p, cam_T_imu) for p in (estimate, true_poses))
@@ -49,7 +53,8 @@ def evaluate(stamps, poses, truth, cam_T_imu=None):
            for name, values, delta in (("frame", frames, 1), ("second", stamps[valid], RPE_SECONDS),
                                        ("metre", distance, RPE_METRES))}
     return Evaluation(absolute_trajectory_error(estimate, true_poses), mean_kitti_errors(segments), len(estimate), body,
-                      float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe)
+                      float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe,
+                      *yaw_errors)
 
 
 def match(stamps, poses, truth):
@@ -61,15 +66,15 @@ def match(stamps, poses, truth):
     return valid, poses[valid], true_poses
 
 
-def judge_covariances(stamps, poses, covariances, truth=None):
+def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose"):
     """Consistency of world_T_imu poses (N, 4, 4) with covariances (N, 6, 6) in the coordinates of covariance.csv.
 
-    The truth is moved rigidly onto the estimate at the first pose that both have (anchor_truth): the filter too is
-    certain of where it starts.
+    The truth is moved onto the estimate at the first pose that both have (anchor_truth), as far as the gauge is free: the
+    filter too is certain of where it starts.
     """
     if truth is None:
         return Consistency(stamps, None, _deviations(covariances), None, None, None)
-    valid, estimate, true_poses = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses)))
+    valid, estimate, true_poses = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses, gauge)))
     errors, covariances = pose_errors(estimate, true_poses), covariances[valid]
     return Consistency(stamps[valid], errors, _deviations(covariances), nees(errors, covariances),
                        nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]))
@@ -80,12 +85,20 @@ def _deviations(covariances):
     return np.sqrt(np.where(variances >= 0.0, variances, np.nan))
 
 
-def anchor_truth(truth, stamps, poses):
-    """Truth poses moved rigidly so that they agree with the estimate at the first stamp that both have."""
+def anchor_truth(truth, stamps, poses, gauge="pose"):
+    """Truth poses moved, by what the gauge leaves free, so that they agree with the estimate at the first stamp of both."""
     valid, sampled = sample_poses(*truth, stamps)
     if not valid.any():
         return truth[1]
-    return poses[valid][0] @ inverse(sampled[0]) @ truth[1]
+    return frame_change(poses[valid][0], sampled[0], gauge) @ truth[1]
+
+
+def align(trajectory, truth):
+    """Positions (N, 3) m of trajectory = (stamps (N,) s, poses (N, 4, 4)), rigidly aligned with those of the truth."""
+    stamps, poses = trajectory
+    _, estimate, true_poses = match(stamps, poses, truth)
+    truth_T_world = rigid_alignment(estimate[:, :3, 3], true_poses[:, :3, 3])
+    return (truth_T_world @ poses)[:, :3, 3]
 
 
 def describe(name, evaluation):
@@ -98,8 +111,18 @@ def describe(name, evaluation):
 
 
 def title_of_errors(slam, dead_reckoning=None):
-    """The line under a picture's title. Both are Evaluations."""
-    text = "ATE %.2f m" % slam.ate
-    if dead_reckoning is not None:
-        text += ", dead reckoning %.2f m" % dead_reckoning.ate
-    return text + " (aligned; drawn from a common start)"
+    """The lines under the title of a picture from a common start. Both are Evaluations."""
+    return "ATE %s, of a rigid alignment that is not drawn;\nfrom a common start, as drawn: wrong by %s at the end" % (
+        _both("%.2f m", slam.ate, dead_reckoning and dead_reckoning.ate),
+        _both("%.2f m", slam.error[-1], dead_reckoning and dead_reckoning.error[-1]))
+
+
+def panel_titles(slam, dead_reckoning=None):
+    """The titles of top_view.draw_alignments' panels. Both are Evaluations."""
+    return ("from a common start; at the end wrong by\n%s" % _both("%.2f m", slam.error[-1],
+                                                                  dead_reckoning and dead_reckoning.error[-1]),
+            "rigidly aligned; ATE\n%s" % _both("%.2f m", slam.ate, dead_reckoning and dead_reckoning.ate))
+
+
+def _both(text, slam, dead_reckoning):
+    return text % slam if dead_reckoning is None else (text + " (dead reckoning " + text + ")") % (slam, dead_reckoning)

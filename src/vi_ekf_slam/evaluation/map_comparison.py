@@ -1,4 +1,4 @@
-"""Command line of compare_maps.py: the maps of several runs over one bag, side by side, and the same part of each enlarged."""
+"""Command line of plot.py maps: the maps of several runs over one bag, side by side, and the same part of each enlarged."""
 
 import argparse
 import os
@@ -22,6 +22,8 @@ from vi_ekf_slam.evaluation.top_view import view_limits  # noqa: E402
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
 LEAST_FRAMES = 10  # landmarks that were seen less often blur any map
+ZOOM_SIDE = 60.0  # m
+ZOOM_PLACES = 200  # along the trajectory that are tried
 
 
 class Map:
@@ -55,6 +57,23 @@ def read_tracks(path, topic):
     return {id_: (frames, (stamp - stamps[0]) / length) for id_, (frames, stamp) in tracks.items()}
 
 
+def common_place(trajectory, selected, side):
+    """(x, y) m on the trajectory (N, 3) about which all maps show something in a square of `side` m.
+
+    selected: Map.select of each. Of the places that are tried the one at which the poorest map has most landmarks of both
+    halves of the drive, where there is such a place, else most at all.
+    """
+    places = trajectory[::max(1, len(trajectory) // ZOOM_PLACES), :2]
+
+    def poorest(place):
+        counts = []
+        for positions, late in selected:
+            inside = np.all(np.abs(positions[:, :2] - place) <= 0.5 * side, axis=1)
+            counts.append((int(min(np.sum(inside & late), np.sum(inside & ~late))), int(np.sum(inside))))
+        return min(counts)
+    return max(places, key=poorest)
+
+
 def draw(maps, names, selected, zoom):
     """The picture as a Figure. maps: list of Map; selected: Map.select of each; zoom: limits of the part to enlarge."""
     limits = view_limits([m.trajectory for m in maps])
@@ -73,8 +92,8 @@ def draw(maps, names, selected, zoom):
             plot.set_aspect("equal")
             plot.grid(True, linewidth=0.4, alpha=0.5)
             plot.set_axisbelow(True)
-            plot.set_xlabel("x (m)")
-            plot.set_ylabel("y (m)")
+            plot.set_xlabel("x, seen from above (m)")
+            plot.set_ylabel("y, seen from above (m)")
         axes[0, column].set_title(name, fontsize=12)
         (x_low, x_high), (y_low, y_high) = zoom
         axes[0, column].add_patch(Rectangle((x_low, y_low), x_high - x_low, y_high - y_low, fill=False, linewidth=1.2))
@@ -82,11 +101,11 @@ def draw(maps, names, selected, zoom):
     return figure
 
 
-def zoom_limits(words, maps):
-    """((x_low, x_high), (y_low, y_high)) of --zoom X Y SIDE, or about where the first run was after 7/8 of the drive."""
+def zoom_limits(words, maps, selected):
+    """((x_low, x_high), (y_low, y_high)) of --zoom X Y SIDE, or a part of ZOOM_SIDE in which all maps have landmarks."""
     if words is None:
-        x, y = maps[0].trajectory[len(maps[0].trajectory) * 7 // 8, :2]
-        side = 60.0
+        x, y = common_place(maps[0].trajectory, selected, ZOOM_SIDE)
+        side = ZOOM_SIDE
     else:
         x, y, side = words
     if not side > 0.0:
@@ -105,7 +124,7 @@ def compare_maps(options):
     maps = [Map(run) for run in options.runs]
     tracks = read_tracks(options.bag, options.features)
     selected = [m.select(tracks, options.least) for m in maps]
-    zoom = zoom_limits(options.zoom, maps)
+    zoom = zoom_limits(options.zoom, maps, selected)
     with replacing(options.output) as stream:
         draw(maps, names, selected, zoom).savefig(stream, format="png", bbox_inches="tight")
     print("wrote: %s" % options.output)
@@ -114,7 +133,7 @@ def compare_maps(options):
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
     parser = argparse.ArgumentParser(
-        prog="compare_maps.py",
+        prog="plot.py maps",
         description="Draw the maps of runs over the same bag side by side, from above, and below a part of each enlarged. "
                     "Colours tell landmarks last seen in the first half of the drive from the others: where a road was "
                     "driven twice, walls are double in a map that does not fit together.")
@@ -123,7 +142,7 @@ def main(argv=None):
     parser.add_argument("--features", metavar="TOPIC", default="/features", help="(default: %(default)s)")
     parser.add_argument("--names", metavar="NAME", nargs="+", help="titles (default: the directories' names)")
     parser.add_argument("--zoom", metavar=("X", "Y", "SIDE"), type=float, nargs=3,
-                        help="centre and side of the enlarged part, m (default: 60 m about the place after 7/8 of the drive)")
+                        help="centre and side of the enlarged part, m (default: 60 m where all maps have landmarks, of both halves if possible)")
     parser.add_argument("--least", metavar="FRAMES", type=int, default=LEAST_FRAMES,
                         help="leave landmarks out that were seen in fewer frames (default: %(default)s)")
     parser.add_argument("--output", metavar="PNG", default="maps.png", help="picture to write (default: %(default)s)")

@@ -3,8 +3,10 @@
 import contextlib
 import os
 
+import numpy as np
+
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.evaluation.against_truth import anchor_truth, title_of_errors
+from vi_ekf_slam.evaluation.against_truth import align, anchor_truth, panel_titles
 from vi_ekf_slam.evaluation.run_inputs import meets
 
 RUN_PICTURES = ("trajectory", "landmarks", "errors", "frames", "drift")
@@ -17,13 +19,17 @@ def pictures_of_run(result):
     """(name, Figure) of everything that a report.Result allows to draw, one after the other."""
     from vi_ekf_slam.evaluation import graphs, top_view
     subject, run = result.subject, result.subject.run
-    title = subject.name + ("\n" + title_of_errors(result.slam, result.dead_reckoning) if result.slam else "")
     slam = subject.poses[:, :3, 3]
     dead = subject.dead_reckoning[1][:, :3, 3] if subject.dead_reckoning else None
     truth = None
     if subject.truth is not None:
-        truth = anchor_truth(subject.truth, subject.stamps, subject.poses)[:, :3, 3]
-    yield ("trajectory", top_view.draw_run(title, slam, dead, truth, (), ()))
+        truth = anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge)[:, :3, 3]
+    if result.slam:
+        yield ("trajectory", top_view.draw_alignments(
+            "%s, seen from above" % subject.name, list(zip(panel_titles(result.slam, result.dead_reckoning),
+                                                           _alignments(subject, slam, dead, truth)))))
+    else:
+        yield ("trajectory", top_view.draw_run(subject.name, slam, dead, truth, (), ()))
     if run and len(run.landmarks):
         note = "" if truth is None else ", the truth from a common start"
         figure = top_view.draw_run(subject.name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
@@ -39,6 +45,18 @@ def pictures_of_run(result):
         lines = graphs.drift_lines(result.dead_reckoning, [("SLAM", result.slam)])
         yield ("drift", graphs.draw_drift(
             "%s: drift of the %s from a common start" % (subject.name, result.slam.body), lines))
+
+
+def _alignments(subject, slam, dead, truth):
+    """Lines of top_view.draw_alignments: from a common start (slam, dead, truth: (N, 3) m, dead may be None), aligned."""
+    from vi_ekf_slam.evaluation import top_view
+    started, aligned = [("truth", truth, top_view.TRUTH_STYLE)], [("truth", subject.truth[1][:, :3, 3], top_view.TRUTH_STYLE)]
+    if dead is not None:
+        started.append(("dead reckoning", dead, top_view.DEAD_RECKONING_STYLE))
+        aligned.append(("dead reckoning", align(subject.dead_reckoning, subject.truth), top_view.DEAD_RECKONING_STYLE))
+    started.append(("SLAM", slam, top_view.SLAM_STYLE))
+    aligned.append(("SLAM", align((subject.stamps, subject.poses), subject.truth), top_view.SLAM_STYLE))
+    return started, aligned
 
 
 def pictures_of_comparison(results):
@@ -57,16 +75,24 @@ def pictures_of_comparison(results):
     if dead is not None:
         lines.append(("dead reckoning", anchor_truth(dead.subject.dead_reckoning, *origin)[:, :3, 3],
                       top_view.DEAD_RECKONING_ON_TOP))
-    for result, style in zip(alike, graphs.line_styles(len(alike))):
+    repeats = _repeats(alike)
+    for result, style in zip(alike, graphs.line_styles(len(alike), repeats)):
         subject = result.subject
         lines.append((subject.name, anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3], style))
     yield ("comparison", top_view.draw_trajectories("%d runs from a common start" % len(alike), lines))
     judged = [(r.subject.name, r.slam) for r in alike if r.slam]
+    repeats = [repeat for repeat, r in zip(repeats, alike) if r.slam]
     if judged:
         dead = next((r.dead_reckoning for r in alike if r.dead_reckoning), None)
         yield ("comparison_drift", graphs.draw_drift(
             "drift of the %s from a common start" % " or ".join(sorted({e.body for _, e in judged})),
-            graphs.drift_lines(dead, judged)))
+            graphs.drift_lines(dead, judged, repeats)))
+
+
+def _repeats(results):
+    """Of each run whether one before it has the same poses: drawn dashed, both can be seen."""
+    poses = [r.subject.poses for r in results]
+    return [any(np.array_equal(p, earlier) for earlier in poses[:k]) for k, p in enumerate(poses)]
 
 
 def save_pictures(pictures, folder):

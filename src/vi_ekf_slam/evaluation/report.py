@@ -17,13 +17,18 @@ DRIFT_POINTS = 21  # places along the path at which evaluation.json states the p
 
 DEFINITIONS = {
     "ate": "m: RMSE of the positions after rigid alignment (Umeyama, no scale) over all matched poses",
+    "ate_yaw_aligned, orientation": "m, deg: RMSE of the IMU's positions and orientations after alignment by yaw and "
+                                    "position over all matched poses, where gravity fixes roll and pitch",
     "ate_anchored": "m: RMSE of the positions when the first matched poses coincide, rotation and all",
     "end_error": "m, and % of the true path: the anchored position error of the last matched pose",
     "t_rel, r_rel": "%, deg/100 m: KITTI's errors over sub-sequences of 100 to 800 m from every 10th frame",
     "rpe": "m, deg: RMSE of inv(inv(Q_i) Q_j) inv(P_i) P_j (truth Q, estimate P) over all i; j is the next frame, "
            "the first at least %g s later, the first at least %g m of true path later" % (RPE_SECONDS, RPE_METRES),
     "pose_nees": "of the IMU's pose: error (p^ - p, Log(R^ R^T)) about the world's axes with covariance.csv, the truth "
-                 "laid onto the first matched pose; mean over the poses, 6 is right (3 for position or rotation alone)",
+                 "laid onto the first matched pose as far as the gauge is free; mean over the poses, 6 is right (3 for "
+                 "position or rotation alone)",
+    "gauge": "what of the world frame the estimate chose: pose (all of it), yaw (heading and position) or none (it was given "
+             "a state in the truth's frame)",
     "within_bounds": "%: poses whose NEES lies within the 95 % bounds of a chi-square variable",
     "nis_per_dof": "sum of the frames' normalised innovation squared by that of their degrees of freedom; 1 is right",
     "frame_time": "ms of wall time that the estimator took for a frame",
@@ -37,6 +42,7 @@ def to_data(result):
         "name": subject.name,
         "source": subject.source,
         "poses": len(subject.stamps),
+        "gauge": subject.gauge,
         "duration_s": float(subject.stamps[-1] - subject.stamps[0]),
         "slam": _errors(result.slam),
         "dead_reckoning": _errors(result.dead_reckoning),
@@ -55,7 +61,7 @@ def _errors(evaluation):
     places = np.unique(np.append(places, e.matched - 1))
     return _plain({
         "body": e.body, "matched": e.matched, "true_path_m": e.way,
-        "ate_m": e.ate, "ate_anchored_m": e.anchored,
+        "ate_m": e.ate, "ate_yaw_aligned_m": e.ate_yaw, "orientation_deg": e.orientation, "ate_anchored_m": e.anchored,
         "end_error_m": e.error[-1], "end_error_percent": 100.0 * e.error[-1] / e.way if e.way > 0.0 else None,
         "t_rel_percent": e.kitti.t_rel, "r_rel_deg_per_100m": e.kitti.r_rel, "sub_sequences": e.kitti.count,
         "rpe": {name: {"translation_m": r.translation, "rotation_deg": r.rotation, "pairs": r.count}
@@ -123,6 +129,8 @@ ROWS = (
     ("poses compared", "", "%d", ("both", "matched")),
     ("true path", "m", "%.1f", ("both", "true_path_m")),
     ("ATE, aligned", "m", "%.3f", ("both", "ate_m")),
+    ("ATE, yaw-aligned, IMU", "m", "%.4f", ("both", "ate_yaw_aligned_m")),
+    ("orientation, yaw-aligned", "deg", "%.3f", ("both", "orientation_deg")),
     ("ATE, anchored at the start", "m", "%.3f", ("both", "ate_anchored_m")),
     ("error at the end", "m", "%.3f", ("both", "end_error_m")),
     ("", "%", "%.2f", ("both", "end_error_percent")),

@@ -9,6 +9,7 @@ from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.dataset.truth import BODIES
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.gauge import GAUGES
 from vi_ekf_slam.evaluation.pictures import (
     COMPARISON_PICTURES,
     RUN_PICTURES,
@@ -29,7 +30,7 @@ def make_parser():
         description="Judge runs of run_bag, or trajectory files, against the truth: a table, evaluation.json and "
                     "pictures (PNG and SVG). Without truth: pictures, NIS and timing. Without a bag the positions of the "
                     "IMU are compared instead of the left camera's.")
-    parser.add_argument("runs", metavar="DIR", nargs="+",
+    parser.add_argument("runs", metavar="DIR", nargs="*",
                         help="directory that run_bag or the node wrote, or a trajectory file: TUM, or KITTI (needs "
                              "--bag)")
     parser.add_argument("--bag", action="append", default=[],
@@ -42,10 +43,20 @@ def make_parser():
                         help="whose poses --truth holds (default: left_camera for KITTI, imu for TUM)")
     parser.add_argument("--trajectory-body", choices=BODIES,
                         help="whose poses the trajectory files hold (default: left_camera for KITTI, imu for TUM)")
+    parser.add_argument("--gauge", choices=GAUGES,
+                        help="what of the world frame the estimate chose by itself: pose (all of it), yaw (heading and "
+                             "position, since gravity is known), none (it was given a state in the truth's frame); NEES "
+                             "is of what is left, and but for pose there are errors after alignment by yaw and position "
+                             "(default: as summary.yaml says, else pose)")
     parser.add_argument("--name", action="append", default=[], help="name of a run in table and pictures, once a run")
     parser.add_argument("--output", metavar="OUT",
                         help="directory for everything, made if needed; of several runs each gets OUT/NAME (default: "
                              "each DIR itself; a trajectory file then only appears in the table and in the comparison)")
+    parser.add_argument("--streams", metavar="FOLDER",
+                        help="instead of runs: take each .npz of FOLDER (simulated IMU, stereo points and truth) through "
+                             "run_bag from the state that it gives, and print its errors beside OpenVINS'")
+    parser.add_argument("--config", metavar="FILE",
+                        help="for --streams: the configuration (default: config/default.yaml, with the IMU's calibration)")
     parser.add_argument("--no-plots", action="store_true", help="no pictures")
     parser.add_argument("--export-tum", action="store_true",
                         help="write export/{slam,dead_reckoning,truth}.tum: poses of the IMU with stamps, from a common "
@@ -58,6 +69,12 @@ def make_parser():
 
 def run_evaluation(options):
     """Do what the parsed options ask; InputError when something is refused."""
+    if bool(options.runs) == bool(options.streams):
+        raise InputError("%s given, allowed: DIR ... or --streams FOLDER" % ("both are" if options.runs else "nothing is"))
+    if options.streams:
+        from vi_ekf_slam.evaluation.stream_study import study_streams
+        study_streams(options)
+        return
     names = _for_each(options.name, options.runs, "--name", shared=False) or default_names(options.runs)
     if len({_file_name(name) for name in names}) < len(names):
         raise InputError("two runs have the same name (%s), allowed: --name with another for each" % ", ".join(names))
@@ -107,10 +124,10 @@ def _judge(path, name, bag, truth_file, options):
     if options.export_kitti and not bag:
         raise InputError("--export-kitti needs --bag: the files hold poses of the left camera")
     reference = read_bag(bag)
-    subject = read_subject(path, name, reference, options.trajectory_body)
+    subject = read_subject(path, name, reference, options.trajectory_body, options.gauge)
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
-    subject.truth = find_truth(truth_file, options.truth_body, subject.stamps, reference)
+    subject.truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
     return judge_subject(subject)
 
 
@@ -118,11 +135,11 @@ def judge_subject(subject):
     """Result of a run_inputs.Subject whose truth is known or None."""
     truth, slam, dead, consistency = subject.truth, None, None, None
     if truth is not None:
-        slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu)
+        slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu, subject.gauge)
         if subject.dead_reckoning:
-            dead = evaluate(*subject.dead_reckoning, truth, subject.cam_T_imu)
+            dead = evaluate(*subject.dead_reckoning, truth, subject.cam_T_imu, subject.gauge)
     if subject.covariances is not None:
-        consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth)
+        consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth, subject.gauge)
     return Result(subject, slam, dead, consistency)
 
 

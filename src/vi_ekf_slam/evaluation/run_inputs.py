@@ -5,6 +5,7 @@ import os
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.dataset.truth import load_truth
+from vi_ekf_slam.evaluation.gauge import gauge_of
 from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run
 
 
@@ -15,12 +16,13 @@ class Subject:
     stamps (N,) s, poses (N, 4, 4): world_T_imu in a world frame of its own.
     dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
     covariances (N, 6, 6) of the poses or None; frames: columns of frames.csv or None.
-    cam_T_imu: 4 x 4 or None. truth: (stamps, IMU poses) in any world frame, or None.
+    gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, IMU poses) in any world frame, or None.
     """
 
     def __init__(self, name, source, trajectory):
         self.name, self.source = name, source
         self.stamps, self.poses = trajectory
+        self.gauge = "pose"
         self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = None
 
     @property
@@ -37,10 +39,11 @@ def read_bag(path):
     return read_reference(path)
 
 
-def find_truth(path, body, stamps, reference):
+def find_truth(path, body, stamps, reference, gauge="pose"):
     """Truth as (stamps, IMU poses), from the file if there is one and else from the bag; None where neither has it.
 
     body: whose poses the file holds, see truth.load_truth. stamps (N,) s: those of the run. reference: of read_bag.
+    gauge: of gauge.GAUGES; but for "pose" the file's world must have z upwards.
     """
     if not path:
         return reference.truth if reference else None
@@ -49,14 +52,14 @@ def find_truth(path, body, stamps, reference):
         raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag is "
                          "needed for both" % path)
     return load_truth(path, reference.frame_stamps if is_kitti else stamps,
-                      reference.cam_T_imu if reference else None, body)
+                      reference.cam_T_imu if reference else None, body, anchored=gauge == "pose")
 
 
-def read_subject(path, name, reference=None, body=None):
+def read_subject(path, name, reference=None, body=None, gauge=None):
     """Read a run directory or a trajectory file, TUM or KITTI, without truth. reference: of read_bag.
 
     body: whose poses a file holds (truth.BODIES; None: the IMU's in TUM, the left camera's in KITTI). Row k of a KITTI
-    file is frame k of the bag.
+    file is frame k of the bag. gauge: of gauge.GAUGES; None: as the run's summary says.
     """
     cam_T_imu = reference.cam_T_imu if reference else None
     if os.path.isdir(path):
@@ -71,8 +74,9 @@ def read_subject(path, name, reference=None, body=None):
             raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag "
                              "is needed for both" % path)
         subject = Subject(name, path, load_truth(path, reference.frame_stamps if stamps is None else stamps, cam_T_imu,
-                                                 body))
+                                                 body, anchored=gauge in (None, "pose")))
     subject.cam_T_imu = cam_T_imu
+    subject.gauge = gauge or gauge_of(subject.summary)
     return subject
 
 

@@ -1,4 +1,4 @@
-"""Command line of plot_run.py."""
+"""Command line of plot.py run."""
 
 import argparse
 import os
@@ -8,6 +8,7 @@ from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.dataset.truth import BODIES
 from vi_ekf_slam.evaluation.against_truth import anchor_truth, describe, evaluate, title_of_errors
+from vi_ekf_slam.evaluation.gauge import gauge_of
 from vi_ekf_slam.evaluation.run_inputs import find_truth, read_bag
 from vi_ekf_slam.evaluation.run_io import read_run
 
@@ -15,7 +16,7 @@ from vi_ekf_slam.evaluation.run_io import read_run
 def make_parser():
     """The argument parser."""
     parser = argparse.ArgumentParser(
-        prog="plot_run.py",
+        prog="plot.py run",
         description="Draw a run of run_bag from above and, where the truth is known, print its errors (ATE; KITTI's "
                     "t_rel and r_rel over 100 to 800 m).")
     parser.add_argument("run", metavar="DIR", help="directory that run_bag wrote")
@@ -39,7 +40,8 @@ def plot_run(options):
     outputs = _outputs(options)
     reference = read_bag(options.bag)
     cam_T_imu = reference.cam_T_imu if reference else None
-    truth = find_truth(options.truth, options.truth_body, run.stamps, reference)
+    gauge = gauge_of(run.summary)
+    truth = find_truth(options.truth, options.truth_body, run.stamps, reference, gauge)
 
     title, truth_line = _name(options), None
     if truth:
@@ -48,7 +50,7 @@ def plot_run(options):
         print(describe("slam", slam))
         print(describe("dead reckoning", dead))
         title += "\n" + title_of_errors(slam, dead)
-        truth_line = anchor_truth(truth, run.stamps, run.poses)[:, :3, 3]
+        truth_line = anchor_truth(truth, run.stamps, run.poses, gauge)[:, :3, 3]
 
     from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
     figure = top_view.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,

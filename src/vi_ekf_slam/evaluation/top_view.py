@@ -70,20 +70,32 @@ def draw_trajectories(title, lines, landmarks=(), deviations=(), covariances=Non
     axes = figure.add_subplot()
     if len(landmarks):
         _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits, colors)
-    for label, positions, style in lines:
-        axes.plot(positions[:, 0], positions[:, 1], label=label, **style)
-    start = lines[-1][1][0]
-    axes.plot(start[0], start[1], color="tab:red", marker="o", markersize=6, markeredgecolor="white",
-              linestyle="none", label="start", zorder=6)
-    axes.set_aspect("equal")
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    _draw_lines(axes, lines, limits)
     axes.set_title(title, fontsize=11)
-    axes.grid(True, linewidth=0.4, alpha=0.5)
-    axes.set_axisbelow(True)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.6 / (scale * height)), ncol=5, fontsize=9, frameon=False)
+    return figure
+
+
+def draw_alignments(title, panels):
+    """Trajectories side by side, one panel for each way to lay them onto the truth. Returns a Figure.
+
+    panels: (title, [(label, (N, 3) positions in m, style)]); the last line of each has the start.
+    """
+    # Frames may be turned against each other: views of one size, each about the middle of its own lines.
+    limits = [view_limits([positions for _, positions, _ in lines]) for _, lines in panels]
+    half = [0.5 * max(view[k][1] - view[k][0] for view in limits) for k in (0, 1)]
+    limits = [tuple((0.5 * (low + high) - h, 0.5 * (low + high) + h) for (low, high), h in zip(view, half))
+              for view in limits]
+    scale = 0.7 * LONG_SIDE / max(2.0 * h for h in half)
+    width, height = (2.0 * scale * h for h in half)
+    figure = Figure(figsize=(len(panels) * (width + 0.9), height + 1.9), dpi=130)
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    figure.subplots_adjust(left=0.05, right=0.99, top=1.0 - 1.0 / (height + 1.9), bottom=0.9 / (height + 1.9))
+    for axes, (name, lines), view in zip(grid, panels, limits):
+        _draw_lines(axes, lines, view)
+        axes.set_title(name, fontsize=11)
+    figure.suptitle(title, fontsize=12, y=1.0)
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="lower center", ncol=5, fontsize=10, frameon=False)
     return figure
 
 
@@ -118,6 +130,21 @@ def color_limits(deviations):
         return None
     low, high = np.percentile(usable, [2.0, 98.0])
     return float(low), float(max(high, 1.01 * low))
+
+
+def _draw_lines(axes, lines, limits):
+    for label, positions, style in lines:
+        axes.plot(positions[:, 0], positions[:, 1], label=label, **style)
+    start = lines[-1][1][0]
+    axes.plot(start[0], start[1], color="tab:red", marker="o", markersize=6, markeredgecolor="white",
+              linestyle="none", label="start", zorder=6)
+    axes.set_aspect("equal")
+    axes.set_xlim(*limits[0])
+    axes.set_ylim(*limits[1])
+    axes.set_xlabel("x, seen from above (m)")
+    axes.set_ylabel("y, seen from above (m)")
+    axes.grid(True, linewidth=0.4, alpha=0.5)
+    axes.set_axisbelow(True)
 
 
 def _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits, colors):

@@ -19,7 +19,7 @@ def export(subject, folder, tum=True, kitti=False):
     if subject.dead_reckoning:
         trajectories["dead_reckoning"] = subject.dead_reckoning
     if subject.truth is not None:
-        trajectories["truth"] = (subject.truth[0], anchor_truth(subject.truth, subject.stamps, subject.poses))
+        trajectories["truth"] = (subject.truth[0], anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge))
     paths = []
     if tum or kitti:
         make_directory(folder)

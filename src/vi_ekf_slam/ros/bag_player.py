@@ -85,14 +85,16 @@ class Player:
         return quiet
 
 
-def wait_for_listener(node):
-    """Waits until the node listens to the odometry, so that it misses nothing."""
-    topic = rospy.resolve_name("odometry")
+def wait_for_listener(topic, node=None):
+    """Waits until the node (None: any) listens to the topic, so that it misses nothing."""
     master = rosgraph.Master(rospy.get_name())
     end = time.monotonic() + START_LIMIT_S
-    while not rospy.is_shutdown() and node not in dict(master.getSystemState()[1]).get(topic, []):
+    while not rospy.is_shutdown():
+        listeners = dict(master.getSystemState()[1]).get(topic, [])
+        if node in listeners or (node is None and listeners):
+            return
         if time.monotonic() > end:
-            raise PlayError("%s does not listen to %s" % (node, topic))
+            raise PlayError("%s does not listen to %s" % (node or "stereo_front_end", topic))
         time.sleep(0.1)
 
 
@@ -110,9 +112,13 @@ def play():
     start = number("start", lambda x: 0.0 <= x < float("inf"), "s, not negative")
     duration = number("duration", lambda x: 0.0 <= x < float("inf"), "s, not negative; 0: to the end")
     node = rospy.resolve_name("slam")
-    bag = RecordedBag(find_bag(str(rospy.get_param("~bag"))), node, start, duration)
+    transport = str(rospy.get_param("~image_transport", "raw")) if rospy.get_param("~front_end", False) else None
+    gyro_wait_s = float(rospy.get_param("front_end/buffer/max_delay_s", 0.0))
+    bag = RecordedBag(find_bag(str(rospy.get_param("~bag"))), node, start, duration, transport, gyro_wait_s)
     if rospy.get_param("~recorded", False):
-        wait_for_listener(rospy.resolve_name("record_outputs"))
+        wait_for_listener(rospy.resolve_name("odometry"), rospy.resolve_name("record_outputs"))
+    if transport is not None:
+        wait_for_listener(bag.frames[-1])  # what it subscribes to last; the player waits for one listener of each topic alone
     window = ["--start=%s" % start] + (["--duration=%s" % duration] if duration else [])
     with Player(bag, node, rate, window) as player:
         while not rospy.is_shutdown() and not player.is_over():

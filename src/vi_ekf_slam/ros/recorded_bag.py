@@ -8,8 +8,9 @@ import rospy
 MEASUREMENTS = ("imu", "velocity", "wheel_odometry", "features")
 INPUTS = MEASUREMENTS + ("twist_bias", "left/camera_info", "right/camera_info")
 # What the node itself sends, and what belongs to the recording session, as where somebody told it to be.
+IMAGES = ("left/image", "right/image")
 NOT_PLAYED = ("odometry", "dead_reckoning/odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud",
-              "initialpose", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
+              "initialpose", "front_end/image", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
 TRANSFORMS, STATIC_TRANSFORMS = "/tf", "/tf_static"
 LAST_S = 5.0  # s before the end, within which the last message of each measurement is looked for
 
@@ -21,28 +22,40 @@ class PlayError(Exception):
 class RecordedBag:
     """The contents of the bag from `start` s after its beginning on, for `duration` s (0: to its end).
 
-    played: topics to be played. end: time at which that part ends. goal: header stamp of the last features, or None;
-    without frames nothing says that the node is done: it may hold the last samples back for what could be late.
+    transport: how the images come of which the front end makes features; None: features are played. gyro_wait_s: s of sensor
+    time for which the front end then waits for a gyro.
+    played: topics to be played. end: time at which that part ends. goal: header stamp of the last features (or left
+    image), or None; without frames nothing says that the node is done: it may hold the last samples back for what could be late.
     """
 
-    def __init__(self, path, node, start, duration):
+    def __init__(self, path, node, start, duration, transport=None, gyro_wait_s=0.0):
         self.path = path
+        self.frames = [rospy.resolve_name("features")] if transport is None else [
+            rospy.resolve_name(name) + ("" if transport == "raw" else "/" + transport) for name in IMAGES]
+        self.is_from_images = transport is not None
         try:
             with rosbag.Bag(path) as bag:
-                self._read(bag, node, start, duration)
+                self._read(bag, node, start, duration, gyro_wait_s)
         except (rosbag.ROSBagException, OSError) as error:
             raise PlayError("%s: cannot be read: %s (cut short? try 'rosbag reindex')" % (path, error)) from error
 
-    def _read(self, bag, node, start, duration):
+    def _read(self, bag, node, start, duration, gyro_wait_s):
         recorders = {}  # {topic: names of the nodes that sent it}
         for connection in bag._get_connections():
             recorders.setdefault(connection.topic, set()).add(connection.header.get("callerid", b"").decode(errors="replace"))
-        measurements = [rospy.resolve_name(name) for name in MEASUREMENTS]
+        measurements = [rospy.resolve_name(name) for name in MEASUREMENTS] + (self.frames if self.is_from_images else [])
         if not any(topic in recorders for topic in measurements):
             raise PlayError("%s: none of %s is in it; it has %s" %
                             (self.path, ", ".join(measurements), ", ".join(sorted(recorders)) or "nothing"))
-        inputs = {rospy.resolve_name(name) for name in INPUTS} | {TRANSFORMS, STATIC_TRANSFORMS}
+        inputs = {rospy.resolve_name(name) for name in INPUTS} | {TRANSFORMS, STATIC_TRANSFORMS} | set(self.frames)
         outputs = {rospy.resolve_name(name) for name in NOT_PLAYED}
+        if self.is_from_images:
+            inputs.remove(rospy.resolve_name("features"))
+            outputs.add(rospy.resolve_name("features"))  # an earlier run's
+            for topic in self.frames:
+                if topic not in recorders:
+                    raise PlayError("%s: no %s in it, which the front end needs (left_image, right_image, image_transport); it "
+                                    "has %s" % (self.path, topic, ", ".join(sorted(recorders))))
         self.played = sorted(
             topic for topic, callers in recorders.items()
             if topic in inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
@@ -52,7 +65,11 @@ class RecordedBag:
         if begin > last:
             raise PlayError("~start is %g s; %s has %g s" % (start, self.path, last - first))
         self.end = rospy.Time.from_sec(min(begin + duration, last) if duration else last)
-        self.goal = self._last_stamp(bag, rospy.resolve_name("features"), begin)
+        if self.is_from_images and rospy.resolve_name("imu") not in recorders and self.end.to_sec() - begin <= gyro_wait_s:
+            raise PlayError("%s: no %s in it, for which the front end waits %g s of sensor time (buffer/max_delay_s) before the "
+                            "first pair goes on, and only %.3g s of it are played; run_bag needs not wait"
+                            % (self.path, rospy.resolve_name("imu"), gyro_wait_s, self.end.to_sec() - begin))
+        self.goal = self._last_stamp(bag, self.frames[0], begin)
         self.imu_frame = next((message.header.frame_id for _, message, _ in
                                bag.read_messages([rospy.resolve_name("imu")])), None)
 

@@ -18,11 +18,13 @@ from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz import offers
 from vi_ekf_slam.rviz.config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
+from vi_ekf_slam.rviz.legend import add_legend
 from vi_ekf_slam.rviz.session import RvizSession
 
 EXIT_FAILED = 1
 LIMITS = (200, 4096)  # px
 MAX_ANIMATION_WIDTH = 640  # px
+SMALL_LETTERS = 11  # px
 OCTREE = 2  # Image.FASTOCTREE in old versions of Pillow, Image.Quantize.FASTOCTREE in new ones
 ANIMATION_FRAMES, ANIMATION_STEP_MS = 60, 100
 PLAYER_DELAY_S = 1.0  # between the advertising of topics and their first message, so that rviz is connected
@@ -49,8 +51,10 @@ def make_parser():
                         help="config: the view of the configuration; top: from straight above, all paths in view "
                              "(default: %(default)s)")
     parser.add_argument("--size", nargs=2, type=int, default=(1280, 800), metavar=("WIDTH", "HEIGHT"),
-                        help="of the picture in pixels (default: 1280 800)")
-    parser.add_argument("--animation", metavar="OUT.gif", help="save an animated picture of the whole bag as well")
+                        help="of rviz's view in pixels (default: 1280 800)")
+    parser.add_argument("--animation", "--gif", metavar="OUT.gif",
+                        help="save an animated picture of the whole bag as well, at most %d px wide" % MAX_ANIMATION_WIDTH)
+    parser.add_argument("--no-legend", action="store_true", help="rviz's view alone, without the legend below it")
     parser.add_argument("--rate", type=float, default=4.0, metavar="N", help="speed of the bag; 1 is real time "
                         "(default: %(default)s)")
     parser.add_argument("--params", metavar="FILE.yaml", help="configuration of slam_node for a drive (default: "
@@ -192,27 +196,32 @@ def render(options):
         bad = complaints(statuses, session.errors(), displays, playback.published)
         if bad:
             raise RvizError("%s\n%s" % (options.bag, "\n".join("  " + line for line in bad)))
-        _write(options, playback.pictures, last)
+        _write(options, None if options.no_legend else load_config(config), playback.pictures, last)
     if not options.quiet:
         print("\n".join(["%s: %s" % (d["display"], "; ".join(d["messages"]) or d["level"]) for d in statuses] +
                         ["wrote: %s" % path for path in (options.output, options.animation) if path]))
 
 
-def _write(options, pictures, last):
-    with open(last, "rb") as source, replacing(options.output) as stream:
-        stream.write(source.read())
+def _write(options, config, pictures, last):
+    """config: whose legend is drawn, or None."""
+    from PIL import Image
+    with Image.open(last) as picture, replacing(options.output) as stream:
+        picture = picture.convert("RGB")
+        (picture if config is None else add_legend(picture, config)).save(stream, format="PNG")
     if options.animation:
         with replacing(options.animation) as stream:
-            _animate(pictures, stream)
+            _animate(pictures, config, stream)
 
 
-def _animate(paths, stream):
+def _animate(paths, config, stream):
     from PIL import Image
     frames = []
     for path in paths:
         with Image.open(path) as picture:
             scale = min(1.0, MAX_ANIMATION_WIDTH / picture.width)
             small = picture.convert("RGB").resize((round(scale * picture.width), round(scale * picture.height)))
+            if config is not None:
+                small = add_legend(small, config, SMALL_LETTERS)
             # The octree keeps thin lines' colours, which cover too little for the other methods' palettes.
             frames.append(small.quantize(256, method=OCTREE))
     durations = [ANIMATION_STEP_MS] * (len(frames) - 1) + [20 * ANIMATION_STEP_MS]

@@ -24,6 +24,8 @@ STATUS_WORDS = ("Ok", "Warn", "Error")
 MARGIN = 0.08  # of the paths' extent, on each side
 MIN_EXTENT = 20.0  # m
 LINE_WIDTH_PX = 2.5
+LABEL_PX = 14.0  # height of the names of frames
+LABEL_HEIGHT = 0.1  # m of a frame's name for each unit of TF's Marker Scale, as rviz draws it
 
 
 class Viewer:
@@ -73,15 +75,16 @@ class Viewer:
         extent = [max(b - a, MIN_EXTENT) * (1.0 + 2.0 * MARGIN) for a, b in zip(low, high)]
         scale = min(self.panel.width() / extent[0], self.panel.height() / extent[1])
         self.look_down(x, y, scale)
-        self._widen_lines(LINE_WIDTH_PX / scale)
+        self._enlarge(LINE_WIDTH_PX / scale, LABEL_PX / (LABEL_HEIGHT * scale))
         return {"x": x, "y": y, "scale": scale}
 
-    def _widen_lines(self, width):
-        """No path narrower than `width` (m)."""
+    def _enlarge(self, width, marker_scale):
+        """No path narrower than `width` (m), no frame drawn with a smaller `marker_scale`."""
         root = self.manager.getRootDisplayGroup()
         for display in (root.getDisplayAt(i) for i in range(root.numDisplays())):
-            if display.getClassId() == "rviz/Path" and display.subProp("Line Width").getValue() < width:
-                display.subProp("Line Width").setValue(width)
+            for kind, name, least in (("rviz/Path", "Line Width", width), ("rviz/TF", "Marker Scale", marker_scale)):
+                if display.getClassId() == kind and display.subProp(name).getValue() < least:
+                    display.subProp(name).setValue(least)
 
     def look_down(self, x, y, scale):
         """View from straight above: (x, y) in the fixed frame (m) is in the middle, `scale` pixels are a metre."""

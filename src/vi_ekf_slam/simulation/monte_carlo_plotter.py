@@ -1,4 +1,4 @@
-"""Command line of plot_monte_carlo.py: the picture of what the program monte_carlo wrote."""
+"""Command line of plot.py monte_carlo: the picture of what the program monte_carlo wrote."""
 
 import argparse
 import os
@@ -76,7 +76,7 @@ def plot_monte_carlo(options):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    parser = argparse.ArgumentParser(prog="plot_monte_carlo.py",
+    parser = argparse.ArgumentParser(prog="plot.py monte_carlo",
                                      description="Draw what the program monte_carlo wrote: NEES with its bounds, NIS "
                                                  "and position errors over time.")
     parser.add_argument("directory", metavar="DIR", help="directory that monte_carlo wrote")

@@ -40,6 +40,8 @@ def make_parser(program):
                              "position in IMU axes, as in the real files; modern: angular_velocity and a true "
                              "imu_T_cam (default: %(default)s)")
     parser.add_argument("--quiet", action="store_true", help="no report and no progress bar")
+    parser.add_argument("--images", action="store_true",
+                        help="something else: a folder OUT with stereo pictures and an IMU; --images --help explains it")
     drive = parser.add_argument_group("the drive")
     described = subprocess.run([program, "--describe"], stdout=subprocess.PIPE, check=True, universal_newlines=True)
     names = []
@@ -129,6 +131,11 @@ def report(drive, arrays, paths):
 
 def run(argv):
     """Do what the command line asks; InputError when something is refused."""
+    argv = sys.argv[1:] if argv is None else argv
+    if "--images" in argv:
+        from vi_ekf_slam.simulation.pictures.drive import simulate_pictures
+        simulate_pictures(argv)
+        return
     program = package_program(PROGRAM)
     parser, names = make_parser(program)
     options = parser.parse_args(argv)

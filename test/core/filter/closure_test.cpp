@@ -1,6 +1,7 @@
 // A large closure turns a piece of the map that is out of view: it is to stay as rigid as it is.
 
 #include "states.hpp"
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/filter/rigid_chain.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 

@@ -69,7 +69,7 @@ class DenseFilter {
       } else if (v.chart == Chart::kPoint && v.active && !core) {
         const Eigen::Vector3d way = v.mean - before;
         const Eigen::Vector3d shift = error.head<3>(), d = e + so3::hat(error.segment<3>(3)) * way + shift;
-        const auto moved = chart ? chart(turn, way - shift, d) : std::nullopt;
+        const auto moved = chart ? chart.move(turn, way - shift, d) : std::nullopt;
         v.mean = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
         F.block<3, 3>(v.row, v.row) = moved ? moved->M : turn;
       } else {

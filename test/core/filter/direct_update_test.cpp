@@ -56,6 +56,9 @@ TEST(DirectUpdateTest, IsTheKalmanUpdateWhateverTheOrderAndWhoeverIsNotSeen) {
         const Eigen::Matrix3d M = Eigen::Matrix3d::Identity() + 0.1 * randomMatrix(random, 3, 3);
         points.push_back({scene.filter.rowOf(point), M});
         T.block<3, 3>(points.back().row, points.back().row) = M;
+        if (!scene.scale) continue;
+        points.back().N = {scene.filter.rowOf(*scene.scale), randomMatrix(random, 3, 1)};
+        T.block<3, 1>(points.back().row, points.back().N.row) = points.back().N.J;
       }
       Eigen::MatrixXd moved = P;
       update->correct(moved, points);

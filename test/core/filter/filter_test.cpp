@@ -216,7 +216,7 @@ class Pair {
       Eigen::Matrix3d M = Eigen::Matrix3d::Identity();
       M = (M + 0.1 * std::sin(way.x()) * turn).eval();
       if (way.x() < 0.0) return std::optional<MovedPoint>();
-      return std::optional<MovedPoint>(MovedPoint{way + M * d, M});
+      return std::optional<MovedPoint>(MovedPoint{way + M * d, M, {}});
     };
     ASSERT_TRUE(filter_.correct(in, chart));
     correctDense(all, chart, false);

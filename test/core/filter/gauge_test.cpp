@@ -2,6 +2,7 @@
 // no other error, is unobservable, exactly.
 
 #include "states.hpp"
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 #include "vi_ekf_slam/core/map/duplicates.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
@@ -88,7 +89,7 @@ TEST(Gauge, IsTransportedAndNeverLearned) {
     for (int frame = 0; frame < 100; ++frame) {
       for (int sample = 0; sample < 3; ++sample) {
         scene.motion.propagate(scene.filter, 0.01);
-        GyroSample gyro;
+        ImuSample gyro;
         gyro.angular_velocity = random.vector<3>(-0.1, 0.3);
         scene.motion.process(scene.filter, gyro);
         VelocitySample velocity;
@@ -124,7 +125,7 @@ TEST(Gauge, IsNotLearnedFromWhatIsInactiveNorFromDuplicatesNorByARecovery) {
   };
   for (int frame = 0; frame < 60 && !HasFailure(); ++frame) {
     scene.motion.propagate(scene.filter, 0.05);
-    GyroSample gyro;
+    ImuSample gyro;
     gyro.angular_velocity = {0.0, 0.0, 0.4};
     scene.motion.process(scene.filter, gyro);
     scene.filter.settle();

@@ -17,7 +17,7 @@ struct Leaving {
   void frame() {
     for (int sample = 0; sample < 2; ++sample) {
       scene.motion.propagate(scene.filter, 0.05);
-      GyroSample gyro;
+      ImuSample gyro;
       gyro.angular_velocity = {0.0, 0.0, 0.3};
       scene.motion.process(scene.filter, gyro);
     }

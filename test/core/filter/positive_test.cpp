@@ -5,6 +5,7 @@
 
 #include "dense_filter.hpp"
 #include "states.hpp"
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 #include "vi_ekf_slam/core/map/duplicates.hpp"
 
@@ -19,7 +20,7 @@ class Eventful {
   void frame() {
     for (int sample = 0; sample < 2; ++sample) {
       scene_.motion.propagate(scene_.filter, 0.05);
-      GyroSample gyro;
+      ImuSample gyro;
       gyro.angular_velocity = Eigen::Vector3d(0.0, 0.0, 0.2) + random_.vector<3>(-0.05, 0.05);
       scene_.motion.process(scene_.filter, gyro);
       VelocitySample velocity;
@@ -29,7 +30,7 @@ class Eventful {
     scene_.filter.settle();
     leaveView();
     const auto all = scene_.seen(random_, 1.0);
-    if (!all.empty()) correct(scene_.filter, all, scene_.model().inverseDepthChart(scene_.filter));
+    if (!all.empty()) correctSeen(scene_.filter, all, scene_.model());
     refill();
   }
 

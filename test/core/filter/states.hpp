@@ -54,9 +54,9 @@ struct Scene {
   StereoModel model() const {
     StereoModel::Options options;
     options.pixel_sigma = 0.7;
-    return StereoModel(exampleRig(), options, scale);
+    return StereoModel(exampleRig(), options, RigVariables(filter.variables()));
   }
-  SE3 worldTCam() const { return filter.pose() * exampleRig().cam_T_imu.inverse(); }
+  SE3 worldTCam() const { return model().camTWorld(filter).inverse(); }
   /// A point before the camera, independent of all else; `variance` about what it is along each axis, m^2.
   void addPoint(Random& random, double variance = 0.1) {
     filter.settle();
@@ -81,23 +81,34 @@ struct Scene {
 };
 
 /// At rest far from the origin, with nothing but the core.
-inline Scene coreScene(Random& random, double scale_sigma = 0.0,
+inline Scene coreScene(Random& random, const RigVariables::Options& rig,
                        const ConstantTwist::Options& options = noisyMotion()) {
   Scene scene{Filter({so3::Exp({0.1, -0.2, 0.3}), {30.0, -20.0, 5.0}}, 0.01 * random.covariance<6>()),
               ConstantTwist(options),
               {},
               {}};
   scene.motion.addTo(scene.filter);
-  if (scale_sigma > 0.0)
-    scene.scale = scene.filter.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
-                                       Eigen::MatrixXd::Constant(1, 1, scale_sigma * scale_sigma));
+  RigVariables::addTo(scene.filter, rig);
+  scene.scale = scene.filter.variables().find("scale");
   scene.filter.closeCore();
   return scene;
 }
 
+/// A calibration of which the baseline alone may not be known.
+inline RigVariables::Options scaleOf(double sigma) {
+  RigVariables::Options rig;
+  rig.scale_sigma = sigma;
+  return rig;
+}
+
+inline Scene coreScene(Random& random, double scale_sigma = 0.0,
+                       const ConstantTwist::Options& options = noisyMotion()) {
+  return coreScene(random, scaleOf(scale_sigma), options);
+}
+
 /// Moving and turning, with `points` of them in view, everything correlated.
-inline Scene busyScene(Random& random, std::size_t points = 3, double scale_sigma = 0.0) {
-  Scene scene = coreScene(random, scale_sigma);
+inline Scene busyScene(Random& random, std::size_t points, const RigVariables::Options& rig) {
+  Scene scene = coreScene(random, rig);
   Vector6d twist;
   twist << 8.0, 0.3, -0.2, 0.05, -0.1, 0.4;
   scene.filter.setMean(scene.motion.twistVariable(), twist);
@@ -115,6 +126,10 @@ inline Scene busyScene(Random& random, std::size_t points = 3, double scale_sigm
   scene.motion.propagate(scene.filter, 0.1);
   scene.filter.settle();
   return scene;
+}
+
+inline Scene busyScene(Random& random, std::size_t points = 3, double scale_sigma = 0.0) {
+  return busyScene(random, points, scaleOf(scale_sigma));
 }
 
 /// A truth or a mean: the pose, and what the other variables are, row by row.
@@ -230,6 +245,13 @@ inline void correct(Filter& filter, const std::vector<LinearMeasurement>& all, c
   Innovation in(filter.covariance(), all);
   ASSERT_TRUE(in.factorise());
   ASSERT_TRUE(filter.correct(in, chart));
+}
+
+/// The same in the coordinates in which a camera corrects points.
+inline void correctSeen(Filter& filter, const std::vector<LinearMeasurement>& all, const StereoModel& model) {
+  Innovation in(filter.covariance(), all);
+  ASSERT_TRUE(in.factorise());
+  ASSERT_TRUE(filter.correct(in, model.inverseDepthChart(filter, in.error())));
 }
 
 /// Directions of the pose's error that shift and turn the whole world about the origin: of every other error

@@ -1,3 +1,4 @@
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 
 #include <algorithm>
@@ -122,7 +123,7 @@ TEST(Recovery, BuildsABrokenCovarianceAnew) {
   Road road(1, 40, kTypical);
   InvariantEstimator estimator = driven(road, 100);
   // Noise that is none: it leaves S positive and makes P - P H^T S^-1 H P negative.
-  GyroSample lie = road.gyro();
+  ImuSample lie = road.gyro();
   lie.covariance = -0.9 * estimator.state().twist_covariance.bottomRightCorner<3, 3>();
   estimator.process(lie);
   EXPECT_TRUE(isPositiveDefinite(estimator.state().pose_covariance));

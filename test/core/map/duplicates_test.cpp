@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/map/duplicates.hpp"
 
 #include "../filter/states.hpp"
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 
 namespace vi_ekf_slam::test {

@@ -15,7 +15,7 @@ using namespace test;
 /// The baseline's scale is a variable, and so is what tracks slip by.
 InvariantConfig withScaleAndSlip() {
   InvariantConfig config;
-  config.scale_sigma = 0.01;
+  config.rig.scale_sigma = 0.01;
   return config;
 }
 
@@ -113,7 +113,7 @@ TEST(SavedVariables, KeepTheirPriorsWhereTheMapLacksThem) {
   const SavedMap again = resumed(map, config);
   expectSameKnowledge(with(again, {"twist", "twist_bias"}), map);
   EXPECT_EQ(again.variables[2].mean[0], 0.0);
-  EXPECT_NEAR(again.covariance(18, 18), config.scale_sigma * config.scale_sigma, 1e-18);
+  EXPECT_NEAR(again.covariance(18, 18), config.rig.scale_sigma * config.rig.scale_sigma, 1e-18);
   EXPECT_NEAR(again.covariance(19, 19), config.slip.sigma * config.slip.sigma, 1e-18);
   Eigen::MatrixXd others = again.covariance.middleRows(18, 5);
   others.middleCols(18, 5).setZero();

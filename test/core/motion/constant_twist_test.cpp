@@ -116,7 +116,7 @@ TEST(ConstantTwistModel, NoiseDoesNotDependOnTheStepToFirstOrder) {
 
 TEST(ConstantTwistModel, TakesASamplesOwnCovarianceOrTheConfiguredOne) {
   const ConstantTwist motion(noisyMotion());
-  GyroSample gyro;
+  ImuSample gyro;
   VelocitySample velocity;
   EXPECT_LT(distance(motion.noiseOf(gyro), isotropic(0.05)), 1e-15);
   EXPECT_LT(distance(motion.noiseOf(velocity), isotropic(0.5)), 1e-15);
@@ -129,7 +129,7 @@ TEST(ConstantTwistModel, ASampleMeasuresTheTwistAndItsBias) {
   Random random(11);
   const Scene start = busyScene(random);
   const Vector6d measured = start.motion.twist(start.filter) + 0.1 * random.vector<6>(-1.0, 1.0);
-  GyroSample gyro;
+  ImuSample gyro;
   gyro.angular_velocity = measured.tail<3>();
   gyro.covariance = isotropic(1e-5);
   VelocitySample velocity;
@@ -169,7 +169,7 @@ TEST(ConstantTwistModel, TakesWhatIsKnownOfTheBiasesAsTheirPriorFromThenOn) {
     EXPECT_EQ(scene.motion.bias(scene.filter), known.mean);
     EXPECT_LT(distance(scene.filter.covariance(scene.motion.biasVariable()), expected), 1e-15);
     expectCovariance(scene.filter.covariance());
-    scene.motion.process(scene.filter, GyroSample{0, Eigen::Vector3d::Ones(), {}});
+    scene.motion.process(scene.filter, ImuSample{0, Eigen::Vector3d::Ones(), {}});
     EXPECT_NE(scene.motion.bias(scene.filter), known.mean);
     scene.motion.reset(scene.filter, true);
   }

@@ -58,7 +58,7 @@ TEST(StandstillUpdate, LeavesTheSameTwistAndBiasAtWhateverRate) {
     ConstantTwist::Options options = noisyMotion();
     options.bias_density.setZero();
     Scene scene = coreScene(random, 0.0, options);
-    GyroSample gyro;
+    ImuSample gyro;
     gyro.angular_velocity = {0.01, -0.02, 0.03};
     gyro.covariance = isotropic(0.05);
     for (int i = 1; i <= 1000; ++i) {
@@ -85,7 +85,7 @@ TEST(StandstillUpdate, LetsASensorTellItsBias) {
   ConstantTwist::Options options = noisyMotion();
   options.bias_density.setZero();
   Scene scene = coreScene(random, 0.0, options);
-  GyroSample gyro;
+  ImuSample gyro;
   gyro.angular_velocity = {0.01, -0.02, 0.03};
   gyro.covariance = isotropic(0.01);
   for (int i = 0; i < 200; ++i) {

@@ -119,7 +119,7 @@ TEST(StereoModelTest, TellsADistanceWithoutBiasByPointsOfNoisyDepth) {
   const auto modelOf = [](double pixel_sigma) {
     StereoModel::Options options;
     options.pixel_sigma = pixel_sigma;
-    return StereoModel(exampleRig(), options, std::nullopt);
+    return StereoModel(exampleRig(), options);
   };
   EXPECT_LT(std::abs(biasOfADistance(modelOf(0.7), modelOf(0.7))), 3.0);
   EXPECT_LT(biasOfADistance(modelOf(0.7), modelOf(1e-9)), -6.0) << "started at their pixels";
@@ -181,6 +181,29 @@ TEST(StereoModelTest, LeavesTheCovarianceInInverseDepthWhenAPointMoves) {
                        still.filter.variables().point(still.points[0])),
               1e-3);
     EXPECT_LT(distance(inInverseDepth(with), inInverseDepth(still)), 1e-12);
+  }
+}
+
+// Where the tilt of the world was not known. A camera that turns with all that it sees sees nothing new.
+TEST(StereoModelTest, LeavesThePictureAloneWhenACorrectionTurnsTheWorld) {
+  Random random(17);
+  for (const double angle : {0.02, 0.3, 1.0}) {
+    Scene scene = busyScene(random, 10);
+    Variables variables = scene.filter.variables();
+    const SE3 before = variables.pose();
+    std::vector<Eigen::Vector3d> seen;
+    for (const Handle point : scene.points) seen.push_back(before.inverse() * variables.point(point));
+    Eigen::VectorXd error = Eigen::VectorXd::Zero(variables.rows());
+    error.segment<3>(3) = angle * Eigen::Vector3d(0.6, -0.8, 0.0);
+    const auto reexpressed =
+        variables.retract(error, variables.rows(), scene.model().inverseDepthChart(scene.filter));
+    const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
+    EXPECT_LT(distance(variables.pose().rotation(), turn * before.rotation()), 1e-12);
+    for (std::size_t i = 0; i < seen.size(); ++i)
+      EXPECT_LT(distance(variables.pose().inverse() * variables.point(scene.points[i]), seen[i]),
+                1e-9 * seen[i].norm())
+          << angle;
+    for (const auto& [row, M, N] : reexpressed) EXPECT_LT(distance(M, turn), 1e-9) << angle;
   }
 }
 

@@ -22,7 +22,7 @@ class ScaleDrive {
       VelocitySample velocity;
       velocity.linear_velocity = twist_.head<3>() + normal(0.1);
       velocity.covariance = isotropic(0.1);
-      GyroSample gyro;
+      ImuSample gyro;
       gyro.angular_velocity = twist_.tail<3>() + normal(0.002);
       gyro.covariance = isotropic(0.002);
       scene_.motion.process(scene_.filter, velocity);
@@ -48,9 +48,10 @@ class ScaleDrive {
     options.prior_twist_sigma << 15.0, 1.0, 1.0, 0.3, 0.3, 0.5;
     Scene scene{Filter(SE3(), 1e-6 * Matrix6d::Identity()), ConstantTwist(options), {}, {}};
     scene.motion.addTo(scene.filter);
-    if (scale_sigma > 0.0)
-      scene.scale = scene.filter.augment(Chart::kVector, Eigen::VectorXd::Zero(1),
-                                         Eigen::MatrixXd::Constant(1, 1, scale_sigma * scale_sigma));
+    RigVariables::Options rig;
+    rig.scale_sigma = scale_sigma;
+    RigVariables::addTo(scene.filter, rig);
+    scene.scale = scene.filter.variables().find("scale");
     scene.filter.closeCore();
     return scene;
   }
@@ -86,7 +87,7 @@ class ScaleDrive {
       all.clear();
       i = tracked_.size(); // rows have changed: once more
     }
-    if (!all.empty()) correct(scene_.filter, all, scene_.model().inverseDepthChart(scene_.filter));
+    if (!all.empty()) correctSeen(scene_.filter, all, scene_.model());
     while (tracked_.size() < 20) {
       const Eigen::Vector3d q(random_.uniform(-6.0, 6.0), random_.uniform(-2.0, 2.0),
                               random_.uniform(6.0, 25.0));
@@ -137,7 +138,7 @@ TEST(StereoScale, IsNotToldByStereoAlone) {
       scene.points.push_back(scene.filter.augment(Chart::kPoint, found->position, found->noise, found->by));
     }
     for (int frame = 0; frame < 20; ++frame)
-      correct(scene.filter, scene.seen(random, noise), scene.model().inverseDepthChart(scene.filter));
+      correctSeen(scene.filter, scene.seen(random, noise), scene.model());
     const double sigma = std::sqrt(scene.filter.covariance(*scene.scale)(0, 0));
     EXPECT_GT(sigma, (noise > 0.0 ? 0.98 : 1.0 - 1e-9) * 0.02) << noise;
     RecordProperty("sigma_ppm", static_cast<int>(1e6 * sigma / 0.02));

@@ -28,7 +28,7 @@ void drive(PaperEstimator& estimator, DeadReckoning& dead_reckoning, double shif
   for (int k = 0; k < frames; ++k) {
     const Stamp stamp = fromSeconds(kStep * k);
     const Vector6d u = streetTwist(kStep * k);
-    const GyroSample gyro{stamp, u.tail<3>(), {}};
+    const ImuSample gyro{stamp, u.tail<3>(), {}};
     const VelocitySample velocity{stamp, u.head<3>(), {}};
     StereoFrame frame = street.frame(stamp, world_T_imu, 0.0);
     for (auto& feature : frame.features) feature.pixels += StereoPixels(shift * k, 0.0, shift * k, 0.0);
@@ -122,8 +122,8 @@ TEST(PaperEstimator, WithoutARigFramesOnlyAdvanceTheClock) {
 TEST(PaperEstimator, MotionNoiseGrowsWithTimeNotWithTheNumberOfSteps) {
   const PaperConfig config = sharpConfig(PaperMode::kDeadReckoning);
   PaperEstimator once(config), often(config);
-  for (Stamp t = 0; t <= 1000; t += 1000) once.process(GyroSample{t * 1000000, Eigen::Vector3d::Zero(), {}});
-  for (Stamp t = 0; t <= 1000; t += 10) often.process(GyroSample{t * 1000000, Eigen::Vector3d::Zero(), {}});
+  for (Stamp t = 0; t <= 1000; t += 1000) once.process(ImuSample{t * 1000000, Eigen::Vector3d::Zero(), {}});
+  for (Stamp t = 0; t <= 1000; t += 10) often.process(ImuSample{t * 1000000, Eigen::Vector3d::Zero(), {}});
   const Matrix6d expected =
       (config.prior_pose_variance + 10 * 1e-4) * Matrix6d::Identity(); // 1 s is ten steps
   EXPECT_LT(distance(once.state().pose_covariance, expected), 1e-15);
@@ -138,7 +138,7 @@ TEST(PaperEstimator, StateGivesTheCovarianceOfErrorsAlongTheWorldAxes) {
   for (int k = 0; k < 40; ++k) {
     const Vector6d u = streetTwist(kStep * k);
     const Stamp stamp = fromSeconds(kStep * k);
-    estimator.process(GyroSample{stamp, u.tail<3>(), {}});
+    estimator.process(ImuSample{stamp, u.tail<3>(), {}});
     estimator.process(VelocitySample{stamp, u.head<3>(), {}});
     if (k < 39) predict(u, kStep, config.motion_noise.asDiagonal(), inner);
   }

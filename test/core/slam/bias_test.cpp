@@ -15,7 +15,7 @@ TEST(Bias, IsAsWideAsItIsConfiguredForAnySensor) {
   for (const double grade : {0.01, 0.2, 1.0, 3.0}) {
     InvariantEstimator estimator(config);
     const double velocity = grade * config.motion.velocity_sigma, gyro = grade * config.motion.gyro_sigma;
-    estimator.process(GyroSample{1, Eigen::Vector3d::Zero(), isotropic(gyro)});
+    estimator.process(ImuSample{1, Eigen::Vector3d::Zero(), isotropic(gyro)});
     estimator.process(VelocitySample{1, Eigen::Vector3d::Zero(), isotropic(velocity)});
     for (int i = 0; i < 6; ++i) {
       const double noise = i < 3 ? velocity : gyro, bias = config.motion.prior_bias_sigma[i];
@@ -30,9 +30,9 @@ TEST(Bias, ThatWasLearntIsNotLostWhereASensorSaysThatItIsBetter) {
   const InvariantConfig config = steadyTracks();
   InvariantEstimator once(config), twice(config);
   for (InvariantEstimator* estimator : {&once, &twice}) {
-    estimator->process(GyroSample{1, Eigen::Vector3d::Zero(), isotropic(config.motion.gyro_sigma)});
+    estimator->process(ImuSample{1, Eigen::Vector3d::Zero(), isotropic(config.motion.gyro_sigma)});
   }
-  twice.process(GyroSample{1, Eigen::Vector3d::Zero(), isotropic(1e-4)});
+  twice.process(ImuSample{1, Eigen::Vector3d::Zero(), isotropic(1e-4)});
   // The bias is as wide as it was, so the second sample tells the rate to no better than 0.01 rad/s.
   EXPECT_GT(twice.state().twist_covariance(5, 5), 0.9 * 1e-4);
   EXPECT_LT(twice.state().twist_covariance(5, 5), once.state().twist_covariance(5, 5));
@@ -42,7 +42,7 @@ TEST(Bias, IsConfiguredWhereTheMessagesAreSilent) {
   InvariantConfig config = steadyTracks();
   config.motion.prior_twist_sigma.setConstant(10.0);
   InvariantEstimator estimator(config);
-  estimator.process(GyroSample{1, Eigen::Vector3d::Zero(), {}});
+  estimator.process(ImuSample{1, Eigen::Vector3d::Zero(), {}});
   EXPECT_NEAR(estimator.state().twist_covariance(5, 5), 100.0 - 1e4 / (100.0 + 0.05 * 0.05 + 0.01 * 0.01),
               1e-12);
 }
@@ -55,7 +55,7 @@ Eigen::Vector3d rateAfterStanding(Road& road, double standing, const Eigen::Vect
   road.setGyroBias(bias);
   InvariantEstimator estimator = driven(road, static_cast<int>(std::lround(rate * standing)), config);
   for (int i = 0; i < 30; ++i) { // so many that the state follows the reading
-    GyroSample gyro = road.gyro();
+    ImuSample gyro = road.gyro();
     gyro.angular_velocity = bias;
     estimator.process(gyro);
     road.move();

@@ -76,7 +76,7 @@ TEST(InvariantEstimator, TakesNoFeaturesBeforeItsRig) {
 TEST(InvariantEstimator, StartsAtTheIdentityWithTheFirstStamp) {
   InvariantEstimator estimator(steadyTracks());
   EXPECT_EQ(estimator.state().stamp, 0);
-  estimator.process(GyroSample{fromSeconds(5.0), {0.0, 0.0, 0.1}, {}});
+  estimator.process(ImuSample{fromSeconds(5.0), {0.0, 0.0, 0.1}, {}});
   EXPECT_EQ(estimator.state().stamp, fromSeconds(5.0));
   EXPECT_LT(distance(estimator.state().world_T_imu.matrix(), Eigen::Matrix4d::Identity()), 1e-9);
   EXPECT_TRUE(isPositiveDefinite(estimator.state().pose_covariance));
@@ -87,7 +87,7 @@ TEST(InvariantEstimator, DoesNotCareAboutTheOrderOfEqualStamps) {
   const Ahead start = ahead(road, 50);
   InvariantEstimator one = start.estimator, other = start.estimator;
   road.move();
-  const GyroSample gyro = road.gyro();
+  const ImuSample gyro = road.gyro();
   const VelocitySample velocity = road.velocity();
   one.process(gyro);
   one.process(velocity);

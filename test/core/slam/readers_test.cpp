@@ -42,7 +42,7 @@ void expectSameWhole(const InvariantEstimator& a, const InvariantEstimator& b) {
 /// Two drives along the same road, of which one is read after every measurement.
 void expectReadersToBeHarmless(InvariantEstimator read, InvariantEstimator alone, Road road, int frames) {
   for (int i = 0; i < frames; ++i) {
-    const GyroSample gyro = road.gyro();
+    const ImuSample gyro = road.gyro();
     const VelocitySample velocity = road.velocity();
     const StereoFrame frame = road.frame();
     road.move();

@@ -41,7 +41,7 @@ class Road {
   void setGyroBias(const Eigen::Vector3d& bias) { gyro_bias_ = bias; }
 
   /// Gyro, velocity and frame of now.
-  GyroSample gyro() { return {stamp_, twist_.tail<3>() + gyro_bias_ + normal<3>(noise_.gyro), {}}; }
+  ImuSample gyro() { return {stamp_, twist_.tail<3>() + gyro_bias_ + normal<3>(noise_.gyro), {}}; }
   VelocitySample velocity() { return {stamp_, twist_.head<3>() + normal<3>(noise_.velocity), {}}; }
   StereoFrame frame() {
     StereoFrame frame;

@@ -38,7 +38,7 @@ TEST(SlamSystem, HandlersAreCalledInTheOrderOfStampsOncePerMeasurement) {
   const Record record = run(drive(100.0, 1.0));
   std::vector<std::string> expected;
   for (const auto& m : drive(100.0, 1.0)) {
-    if (streamOf(m) == Stream::kGyro) expected.push_back("gyro " + std::to_string(stampOf(m)));
+    if (streamOf(m) == Stream::kImu) expected.push_back("gyro " + std::to_string(stampOf(m)));
     if (streamOf(m) == Stream::kStereo) expected.push_back("frame " + std::to_string(stampOf(m)));
   }
   EXPECT_EQ(record.events, expected);
@@ -54,7 +54,7 @@ TEST(SlamSystem, OdomIsDeadReckoningAndTheStateIsTheEstimators) {
   std::size_t i = 0;
   for (const auto& m : measurements) {
     std::visit([&](const auto& sample) { estimator->process(sample); }, m);
-    if (const auto* g = std::get_if<GyroSample>(&m)) dead_reckoning.process(*g);
+    if (const auto* g = std::get_if<ImuSample>(&m)) dead_reckoning.process(*g);
     if (const auto* v = std::get_if<VelocitySample>(&m)) dead_reckoning.process(*v);
     dead_reckoning.advanceTo(stampOf(m));
     if (streamOf(m) == Stream::kVelocity) continue;
@@ -171,7 +171,7 @@ TEST(SlamSystem, DropsAndCountsValuesThatAreNotFinite) {
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
                            -std::numeric_limits<double>::infinity()}) {
     for (int i = 0; i < 3; ++i) {
-      GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
+      ImuSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
       VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(n));
       g.angular_velocity[i] = bad;
       v.linear_velocity[i] = bad;
@@ -191,7 +191,7 @@ TEST(SlamSystem, DropsAndCountsMotionThatIsTooFastToBeOne) {
   system.setRig(exampleRig());
   std::size_t n = 0;
   for (const double bad : {1.001e3, 1e30, 1e308, -1e308}) {
-    GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
+    ImuSample g = gyro(100.0 + 0.01 * static_cast<double>(n));
     VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(n));
     g.angular_velocity.y() = bad;
     v.linear_velocity.z() = bad;
@@ -201,7 +201,7 @@ TEST(SlamSystem, DropsAndCountsMotionThatIsTooFastToBeOne) {
     EXPECT_EQ(system.counts().invalid[kGyro], n) << bad;
     EXPECT_EQ(system.counts().invalid[kVelocity], n) << bad;
   }
-  system.add(GyroSample{fromSeconds(101.0), {0.0, 0.0, kMaxAngularSpeed}, {}});
+  system.add(ImuSample{fromSeconds(101.0), {0.0, 0.0, kMaxAngularSpeed}, {}});
   system.add(VelocitySample{fromSeconds(101.0), {-kMaxSpeed, 0.0, 0.0}, {}});
   system.flush();
   EXPECT_EQ(system.counts().processed[kGyro], 1U);
@@ -219,7 +219,7 @@ TEST(SlamSystem, AbsurdValuesLeaveTheStateFinite) {
         for (auto& feature : frame->features) feature.pixels *= 1e200;
       }
       system.add(m);
-      system.add(GyroSample{fromSeconds(t), {0.0, 1e308, 1e308}, {}});
+      system.add(ImuSample{fromSeconds(t), {0.0, 1e308, 1e308}, {}});
       system.add(VelocitySample{fromSeconds(t), {1e308, 0.0, -1e308}, {}});
     }
     system.flush();
@@ -241,7 +241,7 @@ TEST(SlamSystem, DropsAndCountsCovariancesThatAreNone) {
   SlamSystem system(makeConfig(PaperMode::kSlam));
   system.setRig(exampleRig());
   for (std::size_t i = 0; i < bad.size(); ++i) {
-    GyroSample g = gyro(100.0 + 0.01 * static_cast<double>(i));
+    ImuSample g = gyro(100.0 + 0.01 * static_cast<double>(i));
     VelocitySample v = velocity(100.0 + 0.01 * static_cast<double>(i));
     g.covariance = bad[i];
     v.covariance = bad[i];
@@ -253,7 +253,7 @@ TEST(SlamSystem, DropsAndCountsCovariancesThatAreNone) {
   }
   Eigen::Matrix3d good;
   good << 2.0, 0.5, 0.1, 0.5, 1.0, 0.2, 0.1, 0.2, 3.0;
-  GyroSample g = gyro(100.5);
+  ImuSample g = gyro(100.5);
   g.covariance = good * 1e-12; // small is no fault
   system.add(g);
   system.flush();
@@ -269,7 +269,7 @@ TEST(SlamSystem, AnInvalidMeasurementLeavesNoTrace) {
   record.listenTo(system);
   system.setRig(exampleRig());
   for (const auto& m : measurements) {
-    GyroSample bad = gyro(1e6); // from the far future, too
+    ImuSample bad = gyro(1e6); // from the far future, too
     bad.angular_velocity.x() = std::nan("");
     system.add(bad);
     system.add(m);

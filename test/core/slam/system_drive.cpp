@@ -17,7 +17,7 @@ Config makeConfig(PaperMode mode) {
   return config;
 }
 
-GyroSample gyro(double t) { return {fromSeconds(t), {0.01, 0.02, 0.1}, {}}; }
+ImuSample gyro(double t) { return {fromSeconds(t), {0.01, 0.02, 0.1}, {}}; }
 VelocitySample velocity(double t) { return {fromSeconds(t), {2.0, 0.1, 0.0}, {}}; }
 
 std::vector<Measurement> drive(double start, double duration) {

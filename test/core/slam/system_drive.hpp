@@ -11,13 +11,13 @@
 /// Drives for SlamSystem, and what it tells its listeners.
 namespace vi_ekf_slam::test {
 
-constexpr auto kGyro = static_cast<std::size_t>(Stream::kGyro);
+constexpr auto kGyro = static_cast<std::size_t>(Stream::kImu);
 constexpr auto kVelocity = static_cast<std::size_t>(Stream::kVelocity);
 constexpr auto kStereo = static_cast<std::size_t>(Stream::kStereo);
 
 Config makeConfig(PaperMode mode);
 
-GyroSample gyro(double t);
+ImuSample gyro(double t);
 VelocitySample velocity(double t);
 
 /// A drive in the order of its stamps: gyro at 100 Hz, velocity at 50 Hz, stereo at 10 Hz.
@@ -32,7 +32,7 @@ struct Record {
   std::vector<Output> outputs;
 
   void listenTo(SlamSystem& system) {
-    system.onGyro([this](const Output& output) { add("gyro ", output); });
+    system.onImu([this](const Output& output) { add("gyro ", output); });
     system.onFrame([this](const Output& output) { add("frame ", output); });
     system.onReset([this](const std::string& reason) {
       events.emplace_back("reset");

@@ -14,7 +14,7 @@ TEST(InvariantEstimator, TakesTheCovarianceOfTheSample) {
   for (const double sigma : {0.01, 0.5}) {
     const Eigen::Matrix3d R = sigma * sigma * Eigen::Matrix3d::Identity();
     InvariantEstimator estimator(config);
-    estimator.process(GyroSample{1, {0.1, 0.2, 0.3}, R});
+    estimator.process(ImuSample{1, {0.1, 0.2, 0.3}, R});
     estimator.process(VelocitySample{1, {5.0, 0.2, 0.3}, R});
     const StateEstimate state = estimator.state();
     for (int i = 0; i < 6; ++i) {
@@ -26,8 +26,8 @@ TEST(InvariantEstimator, TakesTheCovarianceOfTheSample) {
   }
   // Without one the configured noise holds.
   InvariantEstimator silent(config), told(config);
-  silent.process(GyroSample{1, {0.1, 0.2, 0.3}, {}});
-  told.process(GyroSample{1, {0.1, 0.2, 0.3}, Eigen::Matrix3d(0.0025 * Eigen::Matrix3d::Identity())});
+  silent.process(ImuSample{1, {0.1, 0.2, 0.3}, {}});
+  told.process(ImuSample{1, {0.1, 0.2, 0.3}, Eigen::Matrix3d(0.0025 * Eigen::Matrix3d::Identity())});
   expectSame(silent.state(), told.state(), 1e-15);
 }
 

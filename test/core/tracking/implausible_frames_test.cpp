@@ -45,7 +45,7 @@ TEST(ImplausibleFrames, OfALorryThatFillsTheViewAreRefused) {
     double worst_velocity = 0.0, worst_blind = 0.0;
     InvariantEstimator blind = estimator;
     for (int i = 0; i < 50; ++i) {
-      const GyroSample gyro = road.gyro();
+      const ImuSample gyro = road.gyro();
       const VelocitySample velocity = road.velocity();
       StereoFrame frame{road.frame().stamp, {}}; // nothing else is to be seen
       estimator.process(gyro);
@@ -79,7 +79,7 @@ TEST(ImplausibleFrames, LeaveTheEstimateBounded) {
     InvariantEstimator blind = estimator;
     Random random(5);
     for (int i = 0; i < 300; ++i) {
-      const GyroSample gyro = road.gyro();
+      const ImuSample gyro = road.gyro();
       const VelocitySample velocity = road.velocity();
       StereoFrame frame = road.frame();
       const StereoFrame nothing{frame.stamp, {}};

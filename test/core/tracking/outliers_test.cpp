@@ -136,7 +136,7 @@ TEST(InvariantEstimator, SurvivesIdsThatChangeHands) {
   FrameReport last;
   for (int i = 0; i < 3; ++i) {
     road.move();
-    const GyroSample gyro = road.gyro();
+    const ImuSample gyro = road.gyro();
     const VelocitySample velocity = road.velocity();
     const StereoFrame frame = road.frame();
     for (InvariantEstimator* estimator : {&now.estimator, &other}) {

@@ -34,7 +34,7 @@ class Pair {
   /// `change(frame, 0 or 1)` on the frames of the two.
   template <typename Change>
   std::pair<FrameReport, FrameReport> feed(const Change& change) {
-    const GyroSample gyro = road_.gyro();
+    const ImuSample gyro = road_.gyro();
     const VelocitySample velocity = road_.velocity();
     const StereoFrame frame = road_.frame();
     FrameReport reports[2];

@@ -20,7 +20,7 @@ namespace vi_ekf_slam::test {
 struct View {
   View(double pixel_sigma, unsigned seed, std::size_t landmarks)
       : motion(motionOptions()),
-        model(exampleRig(), {pixel_sigma, 1.0, true, 0.5, 100.0}, std::nullopt),
+        model(exampleRig(), {pixel_sigma, 1.0, true, 0.5, 100.0}),
         filter(SE3(), 1e-6 * Matrix6d::Identity()),
         map({}) {
     motion.addTo(filter);

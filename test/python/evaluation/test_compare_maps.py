@@ -1,10 +1,10 @@
-"""compare_maps.py: which landmarks it takes, when they were seen, and what it refuses."""
+"""plot.py maps: which landmarks it takes, when they were seen, and what it refuses."""
 
 import numpy as np
 import pytest
 from conftest import drive, is_png
 
-from vi_ekf_slam.evaluation.map_comparison import Map, main, read_tracks
+from vi_ekf_slam.evaluation.map_comparison import Map, common_place, main, read_tracks
 
 
 def test_tracks_are_those_of_the_bag(bag):
@@ -19,6 +19,19 @@ def test_tracks_are_those_of_the_bag(bag):
 def test_landmarks_that_were_seen_long_enough_are_drawn(run):
     positions, late = Map(str(run)).select({7: (12, 0.9), 8: (9, 0.9), 9: (10, 0.2)}, 10)
     assert np.array_equal(positions[:, 0], [20, 5000]) and late.tolist() == [True, False]
+
+
+def test_the_enlarged_part_is_where_all_maps_have_landmarks():
+    trajectory = np.column_stack([np.arange(0.0, 301.0, 100.0), np.zeros(4), np.zeros(4)])
+    here, there, back = (np.array([[x, k, 0.0] for k in range(5)]) for x in (0.0, 100.0, 200.0))
+    late = np.ones(10, dtype=bool)
+    one, other = (np.vstack([here, there]), late), (np.vstack([there, back]), late)
+    assert common_place(trajectory, [one, other], 20.0).tolist() == [100.0, 0.0]
+    both_halves = (np.vstack([here, there, back[:1]]), np.arange(11) == 10)
+    twice = (np.vstack([there, there, back[:2]]), np.arange(12) == 10)
+    assert common_place(trajectory, [both_halves, twice], 20.0).tolist() == [100.0, 0.0]
+    twice_driven = (np.vstack([there, back[:2]]), np.arange(7) == 5)
+    assert common_place(trajectory, [twice_driven, twice], 20.0).tolist() == [200.0, 0.0]
 
 
 def test_a_picture_is_drawn(run, bag, tmp_path):

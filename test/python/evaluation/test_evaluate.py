@@ -10,7 +10,7 @@ from conftest import TRUE_POSITIONS, drive, is_png, tum
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.evaluation import graphs, top_view
-from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.against_truth import align, evaluate, judge_covariances, panel_titles
 from vi_ekf_slam.evaluation.report import DEFINITIONS, table
 from vi_ekf_slam.evaluation.run_inputs import default_names
 from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
@@ -257,7 +257,8 @@ def test_frames_without_times_are_drawn_all_the_same(full_run):
 def test_pictures_over_time_say_what_they_show(full_run):
     frames = read_frames(str(full_run / "frames.csv"))
     figure = graphs.draw_frames("drive", frames)
-    assert [axes.get_ylabel() for axes in figure.axes] == ["features a frame", "NIS per dof", "frame time (ms)"]
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "features in a frame", "innovation squared over\ncovariance, per dof (NIS)", "time to compute\na frame (ms)"]
     assert "frame rejected (1)" in [t.get_text() for t in figure.axes[0].get_legend().get_texts()]
     assert "all frames: 0.900" in [t.get_text() for t in figure.axes[1].get_legend().get_texts()]
     assert figure.axes[-1].get_xlabel() == "time (s)"
@@ -266,10 +267,40 @@ def test_pictures_over_time_say_what_they_show(full_run):
     covariances = read_covariances(str(full_run / "covariance.csv"), stamps)
     figure = graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances, (stamps, poses)))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["x (m)", "y (m)", "z (m)", "roll (deg)", "pitch (deg)", "yaw (deg)", "NEES"]
+    assert labels == ["x (m)", "y (m)", "z (m)", "roll (deg)", "pitch (deg)", "yaw (deg)",
+                      "error squared over\ncovariance (NEES)"]
     bound = figure.axes[3].collections[0].get_paths()[0].vertices[:, 1].max()
     assert bound == pytest.approx(np.degrees(0.03))  # three times 0.01 rad
     assert len(graphs.draw_errors("drive", judge_covariances(stamps, poses, covariances)).axes) == 6
+    stamps = np.linspace(0.0, 3.0 * graphs.START_S, len(stamps))  # long enough for panels of its beginning
+    long = judge_covariances(stamps, poses, covariances, (stamps, poses))
+    first = [axes for axes in graphs.draw_errors("drive", long).axes if axes.get_xlim()[1] <= graphs.START_S]
+    assert len(first) == 7
+
+
+def test_frames_whose_ids_are_all_new_are_explained(full_run):
+    frames = read_frames(str(full_run / "frames.csv"))
+    assert len(graphs.draw_frames("drive", dict(frames, used=frames["features"])).texts) == 1  # the title
+    new = dict(frames, used=0.0 * frames["used"], frame_rejected=0.0 * frames["used"])
+    seen = int(np.sum(frames["features"] > 0.0))
+    assert seen and "In %d frames nothing is used" % seen in graphs.draw_frames("drive", new).texts[1].get_text()
+
+
+def test_a_repeated_run_is_dashed():
+    assert [style["linestyle"] for style in graphs.line_styles(3, [False, True, False])] == ["-", graphs.DASHES, "-"]
+
+
+def test_the_trajectory_is_drawn_as_its_error_is_stated(full_run):
+    stamps, poses = read_tum(str(full_run / "trajectory.tum"))
+    turned = np.eye(4)
+    turned[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    np.testing.assert_allclose(align((stamps, turned @ poses), (stamps, poses)), poses[:, :3, 3], atol=1e-9)
+    evaluation = evaluate(stamps, poses, (stamps, poses))
+    lines = [("truth", poses[:, :3, 3], top_view.TRUTH_STYLE)]
+    figure = top_view.draw_alignments("drive", [(title, lines) for title in panel_titles(evaluation, evaluation)])
+    assert [axes.get_title() for axes in figure.axes] == [
+        "from a common start; at the end wrong by\n0.00 m (dead reckoning 0.00 m)",
+        "rigidly aligned; ATE\n0.00 m (dead reckoning 0.00 m)"]
 
     evaluation = evaluate(stamps, poses, (stamps, poses))
     figure = graphs.draw_drift("drive", graphs.drift_lines(None, [("SLAM", evaluation)]))

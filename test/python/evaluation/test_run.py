@@ -11,6 +11,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, se3_exp
 from vi_ekf_slam.evaluation import top_view
 from vi_ekf_slam.evaluation.against_truth import anchor_truth, evaluate
+from vi_ekf_slam.evaluation.plots import KINDS
 from vi_ekf_slam.evaluation.run_io import read_run
 
 STAMPS = drive()["time_stamps"][0]
@@ -111,13 +112,13 @@ def test_picture_says_what_it_shows(run):
     slam, dead = data.poses[:, :3, 3], data.dead_poses[:, :3, 3]
     figure = top_view.draw_run("drive", slam, dead, slam, data.landmarks, data.horizontal_deviations())
     assert texts(figure) == ["drive", "3 landmarks, 1 of them outside this view", "truth", "dead reckoning", "SLAM", "start"]
-    assert figure.axes[0].get_aspect() in ("equal", 1.0) and figure.axes[0].get_xlabel() == "x (m)"
+    assert figure.axes[0].get_aspect() in ("equal", 1.0) and figure.axes[0].get_xlabel() == "x, seen from above (m)"
     figure = top_view.draw_run("drive", slam, dead, None, data.landmarks[:0], np.zeros(0))
     assert texts(figure) == ["drive", "dead reckoning", "SLAM", "start"]
 
 
 def test_plot_run_prints_errors_and_writes_pictures(script, run, bag):
-    result = script("plot_run.py", run, "--bag", bag, "--svg")
+    result = script("plot.py", "run", run, "--bag", bag, "--svg")
     assert result.returncode == 0 and result.stderr == "", result.stderr
     slam, dead = result.stdout.splitlines()[:2]
     assert slam.startswith("slam: ATE 0.000 m (left camera, 8 poses)") and "too short" in slam
@@ -128,16 +129,16 @@ def test_plot_run_prints_errors_and_writes_pictures(script, run, bag):
 
 def test_plot_run_takes_the_truth_from_a_file(script, run, bag, tmp_path):
     truth, output = tmp_path / "truth.tum", tmp_path / "picture.png"
-    result = script("plot_run.py", run, "--truth", truth, "--output", output)
+    result = script("plot.py", "run", run, "--truth", truth, "--output", output)
     assert "slam: ATE 0.000 m (IMU, 8 poses)" in result.stdout and is_png(output), result.stderr
     kitti = tmp_path / "kitti.txt"
     kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 8)
-    result = script("plot_run.py", run, "--truth", kitti, "--bag", bag, "--output", output)
+    result = script("plot.py", "run", run, "--truth", kitti, "--bag", bag, "--output", output)
     assert "(left camera, 8 poses)" in result.stdout and float(result.stdout.split()[2]) > 1.0, result.stderr
 
 
 def test_plot_run_without_truth_draws_all_the_same(script, run):
-    result = script("plot_run.py", run)
+    result = script("plot.py", "run", run)
     assert result.returncode == 0 and result.stdout == "wrote: %s\n" % (run / "run.png"), result.stderr
 
 
@@ -149,7 +150,14 @@ def test_plot_run_refuses_with_one_line(script, run, tmp_path):
                             (["--bag", tmp_path / "none.bag"], "no such file"), (["--output", "a.pdf"], "ends in .png"),
                             (["--output", tmp_path / "none" / "a.png"], "does not exist"),
                             (["--truth-body", "imu"], "needs --truth")):
-        result = script("plot_run.py", run, *arguments)
+        result = script("plot.py", "run", run, *arguments)
         assert result.returncode == 2 and result.stdout == "", arguments
         assert result.stderr.startswith("error: ") and word in result.stderr and result.stderr.count("\n") == 1
     assert not (run / "run.png").exists()
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_plot_takes_each_kind_to_its_module(script, kind):
+    result = script("plot.py", kind, "--help")
+    assert result.returncode == 0 and result.stdout.startswith("usage: plot.py %s " % kind), result.stderr
+    assert script("plot.py", kind, "--nonsense").returncode == 2

@@ -1,4 +1,4 @@
-"""scripts/fuzz.sh, which runs at night, and the gtests that replay its corpus with every test run, know the same targets."""
+"""scripts/nightly.sh fuzz, and the gtests that replay its corpus with every test run, know the same targets."""
 
 import os
 import subprocess
@@ -11,8 +11,8 @@ CORPUS = os.path.join(ROOT, "test", "fuzz", "corpus")
 
 def fuzz(*arguments):
     """The script, finished: (status, what it said)."""
-    done = subprocess.run([script_path("fuzz.sh")] + list(arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          timeout=HANG_S, universal_newlines=True)
+    done = subprocess.run([script_path("nightly.sh"), "fuzz"] + list(arguments), stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, timeout=HANG_S, universal_newlines=True)
     return done.returncode, done.stdout
 
 

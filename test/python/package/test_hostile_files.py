@@ -214,7 +214,7 @@ def test_a_bag_with_large_chunks_is_read_once(bag, tmp_path):
 def test_hostile_bags_in_an_evaluation(run, tmp_path, case):
     path = tmp_path / "hostile.bag"
     path.write_bytes(BAGS[case][0])
-    done = limited([sys.executable, script_path("plot_run.py"), run, "--bag", path, "--output", tmp_path / "out.png"])
+    done = limited([sys.executable, script_path("plot.py"), "run", run, "--bag", path, "--output", tmp_path / "out.png"])
     expect_refusal(done, path, "cannot be read as a bag")
     assert not (tmp_path / "out.png").exists()
 

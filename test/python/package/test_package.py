@@ -1,6 +1,7 @@
 """The package as a whole: what catkin_lint says about it, and what its files must be."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,20 @@ def test_catkin_lint_is_clean(tmp_path):
     done = subprocess.run(["catkin_lint", "--strict", "-W2", "--offline", str(package)], stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S, env=environment)
     assert done.returncode == 0, done.stdout
+
+
+def test_versions_agree():
+    """The changelog's newest is that of package.xml, as catkin's release tools ask for."""
+    version = re.search(r"<version>([\d.]+)</version>", read("package.xml")).group(1)
+    assert re.search(r"(?m)^(\d+\.\d+\.\d+)", read("CHANGELOG.rst")).group(1) == version
+
+
+@pytest.mark.skipif(shutil.which("doxygen") is None, reason="NOT RUN: doxygen is not installed")
+def test_doxygen_has_no_warning(tmp_path):
+    configuration = read("Doxyfile") + "\nOUTPUT_DIRECTORY = %s\n" % tmp_path
+    done = subprocess.run(["doxygen", "-"], input=configuration, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=ROOT,
+                          universal_newlines=True, timeout=HANG_S)
+    assert done.returncode == 0 and done.stdout == "" and (tmp_path / "html" / "index.html").exists(), done.stdout
 
 
 def test_every_python_file_compiles_with_the_oldest_supported_version():

@@ -7,11 +7,12 @@ import subprocess
 import pytest
 from conftest import HANG_S, ROOT, script_path
 
-PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node", "soak"]
-SCRIPTS = ["dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py", "load_test.py",
-           "play_bag.py", "plot_monte_carlo.py", "plot_run.py", "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
+PROGRAMS = ["monte_carlo", "run_bag", "simulate_drive", "slam_node", "soak", "stereo_front_end"]
+SCRIPTS = ["check_rig.py", "dataset_to_bag.py", "degraded_bag.py", "evaluate.py", "export_rviz_config.py",
+           "import_calibration.py", "load_test.py", "play_bag.py", "plot.py", "publish_calibration.py",
+           "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
            "simulate_dataset.py"]
-NODES = ["slam_node", "play_bag.py", "record_outputs.py"]  # have no --help: they would wait for a master
+NODES = ["slam_node", "stereo_front_end", "play_bag.py", "publish_calibration.py", "record_outputs.py"]  # no --help: they wait for a master
 
 pytestmark = pytest.mark.skipif(shutil.which("rosrun") is None, reason="NOT RUN: rosrun is not installed")
 

@@ -187,7 +187,8 @@ def test_both_pictures_of_a_figure_have_one_view_and_one_scale(run, bag):
         axes = [picture.axes[0] for picture in pictures]
         assert axes[0].get_xlim() == axes[1].get_xlim() and axes[0].get_ylim() == axes[1].get_ylim()
         for ax, labels, side in zip(axes, expected[figure.kind.name], SIDES):
-            assert ax.get_aspect() == 1.0 and (ax.get_xlabel(), ax.get_ylabel()) == ("x (m)", "y (m)")
+            assert ax.get_aspect() == 1.0 and (ax.get_xlabel(), ax.get_ylabel()) == (
+                "x, seen from above (m)", "y, seen from above (m)")
             assert [text.get_text() for text in ax.get_legend().get_texts()] == labels
             title = "Fig. %d, 0027: %s, %s\nATE " % (figure.number, figure.kind.name, SIDES[side])
             assert ax.get_title().startswith(title)

@@ -17,7 +17,7 @@ from vi_ekf_slam.ros.private_ros import child, ros_master
 
 SIZE = (900, 600)
 OUTPUT_TOPICS = {"/path", "/dead_reckoning/path", "/ground_truth/path", "/landmarks", "/landmark_cloud", "/odometry",
-                 "/pose", "/tf", "/tf_static", "/diagnostics"}
+                 "/dead_reckoning/odometry", "/pose", "/tf", "/tf_static", "/diagnostics"}
 FRAME_NAMES = {"map": "world", "odom": "robot1/odom", "imu_link": "robot1/body"}
 EXPORT_OPTIONS = ["--map-frame", "world", "--odom-frame", "robot1/odom", "--imu-frame", "robot1/body",
                   "--namespace", "/robot1", "--truth", "/robot1/ground_truth/path"]
@@ -67,13 +67,14 @@ def test_the_recording_is_whole_and_closed(folder):
     assert not (folder / "outputs.bag.active").exists()
     with rosbag.Bag(str(folder / "outputs.bag")) as bag:
         assert OUTPUT_TOPICS <= set(bag.get_type_and_topic_info().topics)
-        messages = {topic: [m for _, m, _ in bag.read_messages([topic])] for topic in ("/odometry", "/path")}
+        messages = {topic: [m for _, m, _ in bag.read_messages([topic])] for topic in ("/odometry", "/dead_reckoning/odometry", "/path")}
         duration = bag.get_end_time() - bag.get_start_time()
         latching = {c.topic for c in bag._get_connections() if c.header.get("latching") in ("1", b"1")}
     stamps = np.loadtxt(str(folder / "trajectory.tum"))[:, 0]
-    recorded = [m.header.stamp.to_sec() for m in messages["/odometry"]]
     assert 13.0 < duration < 20.0  # what comes before the simulated clock has no time of its own
-    assert np.allclose(recorded, stamps, rtol=0.0, atol=1e-6)  # every frame, none twice
+    for topic in ("/odometry", "/dead_reckoning/odometry"):
+        recorded = [m.header.stamp.to_sec() for m in messages[topic]]
+        assert np.allclose(recorded, stamps, rtol=0.0, atol=1e-6)  # every frame, none twice
     assert len(messages["/path"]) < 20  # thinned to one a second ...
     end = messages["/path"][-1].poses[-1].pose.position
     last = np.loadtxt(str(folder / "trajectory.tum"))[-1, 1:4]
@@ -98,7 +99,11 @@ def check_picture(path, config, scene):
     displays = {d["Name"]: d for d in config["Visualization Manager"]["Displays"]}
     view = config["Visualization Manager"]["Views"]["Current"]
     picture = read_picture(path)
-    assert picture.shape == (SIZE[1], SIZE[0], 3)
+    assert picture.shape[0] > SIZE[1] and picture.shape[1:] == (SIZE[0], 3)
+    legend, picture = picture[SIZE[1]:], picture[:SIZE[1]]
+    for shown in [[int(c) for c in displays[name]["Color"].split(";")] for name in ("Path", "Dead reckoning")] + [
+            [0, 255, 0], [255, 0, 0]]:  # the ends of the landmarks' colours
+        assert has_colour(legend, shown).sum() > 20
 
     blue = has_colour(picture, [int(c) for c in displays["Path"]["Color"].split(";")])
     away = scene.path[np.linalg.norm(scene.path - scene.car, axis=1) > 8.0]  # axes and arrow hide it at the car

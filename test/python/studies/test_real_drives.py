@@ -1,4 +1,4 @@
-"""Real drives through the whole chain, dataset_to_bag.py -> run_bag -> plot_run.py and evaluate.py, against the known
+"""Real drives through the whole chain, dataset_to_bag.py -> run_bag -> plot.py run and evaluate.py, against the known
 errors of dead reckoning. This pins down conversion, frames and integration at once."""
 
 import json
@@ -21,7 +21,7 @@ def test_dead_reckoning_has_the_known_error(script, tmp_path, name, reading, ate
     assert done.returncode == 0, done.stderr
     config = os.path.join(ROOT, "config", "dead_reckoning.yaml")
     subprocess.run([program("run_bag"), bag, "--config", config, "--output", run, "--quiet"], check=True, timeout=HANG_S)
-    printed = script("plot_run.py", run, "--bag", bag).stdout
+    printed = script("plot.py", "run", run, "--bag", bag).stdout
     figure = re.search(r"^dead reckoning: ATE (\S+) m \(left camera", printed, re.MULTILINE)
     assert figure and float(figure.group(1)) == pytest.approx(ate, rel=0.02), printed
 

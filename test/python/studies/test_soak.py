@@ -1,4 +1,4 @@
-"""A short soak: two and a half hours of sensor time through the node's own way. scripts/soak.sh drives a day."""
+"""A short soak: two and a half hours of sensor time through the node's own way. scripts/nightly.sh soak drives a day."""
 
 import re
 import subprocess

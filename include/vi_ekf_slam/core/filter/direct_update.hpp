@@ -52,7 +52,16 @@ class DirectUpdate {
   Eigen::MatrixXd gain_;           ///< of the rest: P H^T S^-1
 };
 
-/// P <- T P T^T, where T re-expresses points, y <- M y.
+/// P <- T P T^T, where T re-expresses points, y <- M y + N x.
 void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points);
+
+/// X <- T X of the error's rows.
+template <class Matrix>
+void reexpressRows(Matrix&& X, const std::vector<Variables::Reexpressed>& points) {
+  for (const auto& [row, M, N] : points) {
+    X.template middleRows<3>(row) = (M * X.template middleRows<3>(row)).eval();
+    if (!N.isNone()) X.template middleRows<3>(row).noalias() += N.J * X.middleRows(N.row, N.J.cols());
+  }
+}
 
 } // namespace vi_ekf_slam

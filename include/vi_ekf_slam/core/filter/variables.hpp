@@ -5,8 +5,10 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/filter/linear_measurement.hpp"
 #include "vi_ekf_slam/core/geometry/se3.hpp"
 
 namespace vi_ekf_slam {
@@ -25,15 +27,27 @@ enum class Chart : std::uint8_t {
 using Handle = std::uint32_t;
 
 /// Where a point is corrected in other coordinates than straight ones: from the corrected body to the point
-/// (world axes, m), and how the error is re-expressed there, y <- M y.
+/// (world axes, m), and how the error is re-expressed there, y <- M y + N x of others.
 struct MovedPoint {
   Eigen::Vector3d way;
   Eigen::Matrix3d M;
+  LinearFunction N;
 };
 /// Given by how the body was turned (R' = turn R), the way from the corrected body to the point that is not
 /// corrected yet, and its correction d to first order, all along the world's axes.
-using PointChart = std::function<std::optional<MovedPoint>(
-    const Eigen::Matrix3d& turn, const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
+struct PointChart {
+  using Move = std::function<std::optional<MovedPoint>(
+      const Eigen::Matrix3d& turn, const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
+  PointChart() = default;
+  template <class F>
+  PointChart(F f, const Eigen::Vector3d& seen = Eigen::Vector3d::Zero())
+      : move(std::move(f)), seen_turn(seen) {}
+  explicit operator bool() const { return static_cast<bool>(move); }
+
+  Move move;
+  /// By which the correction of others alone turns the points about the body as they are seen, rad, world.
+  Eigen::Vector3d seen_turn = Eigen::Vector3d::Zero();
+};
 
 /// The variables of a filter: their means, and the rows of the error vector that each has, one after the
 /// other from the pose on.
@@ -84,10 +98,11 @@ class Variables {
   auto mean(Handle handle) { return mean_.segment(rowOf(handle), sizeOf(handle)); }
   Eigen::Vector3d point(Handle handle) const { return mean_.segment<3>(rowOf(handle)); }
 
-  /// Three rows whose error was re-expressed: y <- M y.
+  /// Three rows whose error was re-expressed: y <- M y + N x of others, which are not re-expressed.
   struct Reexpressed {
     Eigen::Index row;
     Eigen::Matrix3d M;
+    LinearFunction N{};
   };
   /// Moves the variables of the first `rows` rows by their error; points as `chart` has it, where it is given
   /// and defined. What became of the errors of points and world vectors.
@@ -101,6 +116,9 @@ class Variables {
     Chart chart = Chart::kVector;
     Eigen::Index row = 0, size = 0; ///< size 0: free
   };
+
+  Eigen::Vector3d commonTurn(const Eigen::VectorXd& error, Eigen::Index rows,
+                             const Eigen::Vector3d& seen_turn) const;
 
   SE3 pose_;
   Eigen::VectorXd mean_; ///< row by row like the errors, with room for more; the pose's rows are not used

@@ -9,8 +9,11 @@ namespace vi_ekf_slam {
 
 /// 6x6 of independent (position, rotation) errors, with these standard deviations on each axis, m and rad.
 Matrix6d independentPose(double position_sigma, double rotation_sigma);
-/// The same of a pose that is not known at all.
-inline Matrix6d anyPose() { return independentPose(1e3, 2.0); }
+/// The same of a pose that is not known at all; `level`: but for its tilt.
+Matrix6d anyPose(bool level = false);
+
+/// 3x3 of an error of standard deviation `sigma` on each axis.
+inline Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
 
 /// S^-1 b; not a number where S is not positive definite.
 Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b);

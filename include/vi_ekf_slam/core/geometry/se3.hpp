@@ -48,4 +48,8 @@ Eigen::Matrix<double, 3, 6> pointJacobian(const Eigen::Vector3d& x);
 Matrix6d leftJacobian(const Vector6d& xi);
 
 } // namespace se3
+
+/// Where `pose` is and heads, tilted as `like` is: of all turns of `like` about z the one nearest to it.
+SE3 levelled(const SE3& pose, const SE3& like);
+
 } // namespace vi_ekf_slam

@@ -9,9 +9,6 @@
 
 namespace vi_ekf_slam {
 
-/// The body is at pose * motion, its pose less certain by `covariance` (6x6 of dp, theta); all else stays.
-void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance);
-
 /// What an estimate is worth, and what is done when it can no longer be believed: the state machine between a
 /// valid estimate, its last valid checkpoint, and a new start from there.
 class Recovery {
@@ -29,16 +26,15 @@ class Recovery {
   void travel(double distance_m, double angle_rad);
   /// The local map is what the frame saw, or was corrected by it.
   void useFrame() { unused_distance_ = unused_angle_ = 0.0; }
-  /// A sample measured a part of the twist.
-  void note(const GyroSample& sample) { gyro_ = {sample.stamp, motion_->noiseOf(sample)}; }
-  void note(const VelocitySample& sample) { velocity_ = {sample.stamp, motion_->noiseOf(sample)}; }
+  /// A sample measured a part of the twist, with noise of this covariance (3x3).
+  void noteGyro(Stamp stamp, const Eigen::Matrix3d& noise) { gyro_ = {stamp, noise}; }
+  void noteVelocity(Stamp stamp, const Eigen::Matrix3d& noise) { velocity_ = {stamp, noise}; }
 
   /// Judges what a frame said about the filter, and where that is not believed any more makes it as uncertain
   /// as the error may be. The local map is to be begun anew then.
   Divergence judge(Filter& filter, const LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
                    const std::vector<Association>& associations, const FrameOutcome& outcome);
-  /// The body is at `pose`, known to `covariance` (6x6 of dp and theta), whatever was believed before. False
-  /// where the filter is not valid then.
+  /// tellPose.
   bool relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance);
   /// The next frame's travel begins here.
   void endFrame();

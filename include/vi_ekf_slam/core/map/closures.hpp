@@ -4,7 +4,9 @@
 #include <optional>
 #include <utility>
 
+#include "vi_ekf_slam/core/map/appearance_loops.hpp"
 #include "vi_ekf_slam/core/map/place_loops.hpp"
+#include "vi_ekf_slam/core/map/place_recognition.hpp"
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 
@@ -14,25 +16,42 @@ namespace vi_ekf_slam {
 /// that are recognised, and a saved map.
 class Closures {
  public:
-  explicit Closures(bool recognise_places) : recognise_places_(recognise_places) {}
+  /// `operations_per_second`: see ReturningLandmarks.
+  Closures(PlaceRecognition recognition, double operations_per_second)
+      : recognition_(recognition), returning_(operations_per_second), by_appearance_(operations_per_second) {}
 
   /// After the frame of the report; `seconds` have passed since the last one.
   void update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
               FrameReport& report) {
     map.bound(filter);
     report.revisited += returning_.update(filter, map, model, report.stamp, seconds);
-    if (recognise_places_) report.place_recognised = places_.update(filter, map, report.stamp, seconds);
+    if (recognition_ != PlaceRecognition::kNone) {
+      const std::size_t again = by_appearance_.update(filter, map, model, report.stamp, seconds);
+      report.revisited += again;
+      report.place_recognised = again > 0;
+    }
+    if (recognition_ == PlaceRecognition::kConstellation)
+      report.place_recognised |= by_constellation_.update(filter, map, report.stamp, seconds);
     report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, report.stamp);
     if (!report.relocalised) return;
+    by_appearance_.restart();
     relocaliser_.reset();
     use_ = MapUse::kRelocalised;
   }
-  void restart() { returning_.restart(); }
+  /// Before the frame's features are associated.
+  void expect(const Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
+              const std::vector<std::size_t>& usable) const {
+    if (recognition_ != PlaceRecognition::kNone) AppearanceLoops::claim(filter, map, model, frame, usable);
+  }
+  void restart() {
+    returning_.restart();
+    by_appearance_.restart();
+  }
 
   /// Somebody says where in the saved map the vehicle is, see Relocaliser::placeAt.
   bool placeIn(Filter& filter, LandmarkMap& map, const SE3& pose, const Matrix6d& covariance) {
     if (!relocaliser_ || !relocaliser_->placeAt(pose, covariance, filter, map)) return false;
-    returning_.restart();
+    restart();
     relocaliser_.reset();
     use_ = MapUse::kRelocalised;
     return true;
@@ -57,9 +76,10 @@ class Closures {
   MapUse use() const { return use_; }
 
  private:
-  bool recognise_places_;
+  PlaceRecognition recognition_;
   ReturningLandmarks returning_;
-  PlaceLoops places_;
+  AppearanceLoops by_appearance_;
+  PlaceLoops by_constellation_;
   std::optional<Relocaliser> relocaliser_;
   std::optional<Resume> resume_;
   MapUse use_ = MapUse::kNone;

@@ -6,6 +6,7 @@
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/map/archive.hpp"
+#include "vi_ekf_slam/core/map/descriptor_set.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 
 namespace vi_ekf_slam {
@@ -16,10 +17,12 @@ struct Landmark {
   Handle variable = 0;
   std::size_t observations = 1; ///< that corrected the state, the first one included
   Stamp first_seen = 0;
-  Stamp last_seen = 0;      ///< in a frame that was used, or reactivated
-  bool reactivated = false; ///< from an earlier time, not in view yet
-  bool in_map = false;      ///< has been kept before
-  bool suspect = false;     ///< its track has contradicted the static world: not for the map
+  Stamp last_seen = 0;            ///< in a frame that was used, or reactivated
+  bool reactivated = false;       ///< from an earlier time, not in view yet
+  bool in_map = false;            ///< has been kept before
+  bool suspect = false;           ///< its track has contradicted the static world: not for the map
+  bool missed = false;            ///< its last measurement was left out
+  DescriptorSet descriptors = {}; ///< what it looks like, where the front end says so
 };
 
 enum class MapKeep {
@@ -34,6 +37,9 @@ class LandmarkMap {
   struct Options {
     MapKeep keep = MapKeep::kGood;
     double min_track_s = 0.9; ///< s that a good landmark was tracked for
+    /// Of so many good landmarks one is kept, by its id: the cost of a closure grows with their square, and a
+    /// few dozen tell a view again.
+    std::size_t one_in = 1;
     /// Inactive in the joint covariance; beyond it those that were tracked the longest time ago are
     /// marginalised, and their last estimates stay in the map.
     std::size_t max_landmarks = 2000;
@@ -66,8 +72,11 @@ class LandmarkMap {
   void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
   /// Marginalises those that were tracked the longest time ago, where there are too many; `all`: all.
   void bound(Filter& filter, bool all = false);
-  /// The landmarks of another map, inactive, with Filter::adopt's covariances.
-  void adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+  /// The landmarks of another map, inactive, with Filter::adopt's covariances. With `renumbered`, where ids
+  /// say nothing about them, number i has the id kRenumbered + i.
+  void adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance, Eigen::MatrixXd cross,
+             bool renumbered = false);
+  static constexpr FeatureId kRenumbered = FeatureId{1} << 63; ///< above what front ends count to
   /// No landmark is active or inactive any more; the filter is another one.
   void clear();
   /// The same, for a filter that is to be given up: all estimates that are valid go to the archive.

@@ -3,18 +3,22 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
+#include "vi_ekf_slam/core/map/place_agreement.hpp"
 
 namespace vi_ekf_slam {
 
 /// Closes loops where ids do not return: what was seen lately is compared by its constellation with what was
-/// seen long ago in reach of the present uncertainty (recognisePlace). A match is told to the filter as two
-/// points that are near each other; both remain.
+/// seen long ago in reach of the present uncertainty (recognisePlace). What is recognised is believed when it
+/// is again, from some metres farther on and by other points. A match is told to the filter as two points
+/// that are near each other; both remain.
 class PlaceLoops {
  public:
+  PlaceLoops();
   /// `seconds` have passed since the last frame. Whether a place was recognised.
   bool update(Filter& filter, LandmarkMap& map, Stamp now, double seconds);
 
  private:
+  PlaceAgreement agreement_;
   std::optional<Stamp> next_attempt_;
   double allowance_ = 0.0; ///< floating-point operations saved up for settling
 };

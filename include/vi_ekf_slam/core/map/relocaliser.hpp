@@ -5,14 +5,18 @@
 #include <unordered_map>
 #include <vector>
 
+#include "vi_ekf_slam/core/map/appearance_index.hpp"
+#include "vi_ekf_slam/core/map/place_agreement.hpp"
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 
 namespace vi_ekf_slam {
 
-/// Looks for the place of a drive in a saved map, by ids that return: the drive so far is in a frame of its
-/// own; when landmarks in view have ids of the map and their constellation is the map's, all is moved there.
-/// Where they do not agree it goes on as if nothing had been tried.
+/// Looks for the place of a drive in a saved map, by ids that return or by what landmarks look like: the
+/// drive so far is in a frame of its own; when landmarks in view are those of the map by their ids and their
+/// constellation is the map's, or by their looks, several times and some way apart, all is moved there. Where
+/// they do not agree it goes on as if nothing had been tried. Found by looks, the map's landmarks get new
+/// ids.
 class Relocaliser {
  public:
   explicit Relocaliser(std::shared_ptr<const SavedMap> map);
@@ -28,19 +32,35 @@ class Relocaliser {
  private:
   struct Place {
     SE3 map_T_session;
-    std::vector<FeatureId> ids; ///< that lie there as they lie here
+    /// That lie there as they lie here: landmarks in view by their ids, and which of the map.
+    std::vector<std::pair<FeatureId, std::size_t>> matches;
+    bool by_id = true;
   };
-  std::optional<Place> find(const Filter& filter, const LandmarkMap& landmarks) const;
-  void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks) const;
+  /// What the look-up of a landmark in view said last.
+  struct LookUp {
+    std::size_t observations = 0; ///< of the landmark by then
+    std::optional<std::size_t> known;
+  };
+  using Candidates = std::vector<std::pair<std::size_t, std::size_t>>; ///< (active one, which of the map)
+  std::optional<Place> find(const Filter& filter, const LandmarkMap& landmarks, const Candidates& candidates,
+                            double share) const;
+  Candidates candidatesById(const LandmarkMap& landmarks) const;
+  Candidates candidatesByLooks(const LandmarkMap& landmarks);
+  std::optional<Place> findByLooks(const Filter& filter, const LandmarkMap& landmarks);
+  void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks, bool renumbered = false) const;
   bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
               const StereoModel& model, Stamp now) const;
 
   std::shared_ptr<const SavedMap> map_;
   std::unordered_map<FeatureId, std::size_t> index_; ///< of its landmarks, by id
+  AppearanceIndex known_;
+  std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view
+  PlaceAgreement agreement_;
   std::optional<Stamp> next_attempt_;
 };
 
-/// A saved map's covariance, a little larger than what rounding may have made of it.
-Eigen::MatrixXd loadedCovariance(const SavedMap& map);
+/// A saved map's covariance, a little larger than what rounding may make of it beside the errors of `pose`,
+/// which the vehicle has when the map becomes its own.
+Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose);
 
 } // namespace vi_ekf_slam

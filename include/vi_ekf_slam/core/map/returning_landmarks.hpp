@@ -8,17 +8,24 @@
 
 namespace vi_ekf_slam {
 
+/// Inactive landmarks before the camera, the nearest first, that have been out of view for some time: those
+/// that should come into view next.
+std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model);
+
 /// Closes loops where ids return. Such a landmark begins as a new one. When some have been seen often enough,
 /// and settling the inactive ones has been saved up for, they are fused with what was seen of them before;
 /// and what should come into view next is made active, to be recognised at once.
 class ReturningLandmarks {
  public:
+  /// Floating-point operations that may be spent on settling, on the average of a second.
+  explicit ReturningLandmarks(double operations_per_second) : per_second_(operations_per_second) {}
+
   /// `seconds` have passed since the last frame. How many were fused.
   std::size_t update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
 
   /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree. How many.
   std::size_t fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                   std::vector<FeatureId> ids, std::size_t least);
+                   const std::vector<FeatureId>& ids, std::size_t least);
 
   /// Whether a reactivated landmark that is not in view is still expected there.
   static bool isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model, Stamp now);
@@ -27,7 +34,8 @@ class ReturningLandmarks {
 
  private:
   std::unordered_set<FeatureId> elsewhere_; ///< in view, and not where they were seen before
-  double allowance_ = 0.0;                  ///< floating-point operations saved up
+  double per_second_;
+  double allowance_ = 0.0; ///< floating-point operations saved up
 };
 
 } // namespace vi_ekf_slam

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
+#include "vi_ekf_slam/core/map/descriptor_set.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
@@ -34,6 +35,7 @@ struct SavedLandmark {
   FeatureId id = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero(); ///< m, map
   std::size_t observations = 0;                       ///< that corrected the estimate
+  DescriptorSet descriptors = {};                     ///< what it looks like, where that is known
 };
 
 /// All that an estimate knows at one time: from it a run goes on, or another one finds its place in the map.

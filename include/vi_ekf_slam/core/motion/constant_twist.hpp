@@ -35,15 +35,30 @@ class ConstantTwist : public MotionModel {
   void addTo(Filter& filter) override;
   std::vector<std::string> variables() const override { return {kTwist, kBias}; }
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
-  void propagate(Filter& filter, double dt) const override;
-  void process(Filter& filter, const GyroSample& sample) const override;
+  void propagate(Filter& filter, double dt) const;
+  void propagate(Filter& filter, const ImuTrack& /*imu*/, Stamp from, Stamp to) const override {
+    propagate(filter, secondsBetween(from, to));
+  }
+  void process(Filter& filter, const ImuSample& sample) const override;
   void process(Filter& filter, const VelocitySample& sample) const override;
-  Eigen::Matrix3d noiseOf(const GyroSample& sample) const override;
+  Eigen::Matrix3d noiseOf(const ImuSample& sample) const;
+  Eigen::Matrix3d noiseOf(const ImuSample& sample, const ImuTrack& /*imu*/) const override {
+    return noiseOf(sample);
+  }
   Eigen::Matrix3d noiseOf(const VelocitySample& sample) const override;
-  void processStandstill(Filter& filter, double dt) const override;
+  void processStandstill(Filter& filter, double dt) const;
+  void processStandstill(Filter& filter, const ImuTrack& /*imu*/, Stamp /*now*/, double dt) const override {
+    processStandstill(filter, dt);
+  }
   void reset(Filter& filter, bool biases, const TwistNoise& sampled = {}) const override;
-  Vector6d twist(const Filter& filter) const override { return filter.variables().mean(twist_); }
-  Matrix6d twistCovariance(const Filter& filter) const override { return filter.covariance(twist_); }
+  Vector6d twist(const Filter& filter) const { return filter.variables().mean(twist_); }
+  Vector6d twist(const Filter& filter, const ImuTrack& /*imu*/, Stamp /*now*/) const override {
+    return twist(filter);
+  }
+  Matrix6d twistCovariance(const Filter& filter) const { return filter.covariance(twist_); }
+  Matrix6d twistCovariance(const Filter& filter, const ImuTrack& /*imu*/) const override {
+    return twistCovariance(filter);
+  }
   Vector6d bias(const Filter& filter) const override { return filter.variables().mean(bias_); }
   Eigen::Vector3d gyroBias(const Filter& filter) const override;
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;

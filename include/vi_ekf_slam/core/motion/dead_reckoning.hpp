@@ -12,8 +12,12 @@ namespace vi_ekf_slam {
 /// until told otherwise.
 class DeadReckoning {
  public:
-  void process(const GyroSample& sample);
+  void process(const ImuSample& sample);
   void process(const VelocitySample& sample);
+  /// From now on the body moves like this, (m/s, rad/s) in its axes: an estimate's twist, where samples of
+  /// the velocity are not what there is to integrate.
+  void setTwist(Stamp stamp, const Vector6d& twist);
+  void begin(const SE3& pose) { pose_ = pose; }
   /// Moves on to `stamp`, which must not be older than the last one.
   void advanceTo(Stamp stamp);
 

@@ -13,8 +13,10 @@ namespace vi_ekf_slam {
 /// alone, nor can a slow creep below a bad odometer's noise.
 class StandstillDetector {
  public:
-  /// still_px: largest median motion of the tracks in a tenth of a second, px.
-  explicit StandstillDetector(double still_px) : still_px_(still_px) {}
+  /// still_px: largest median motion of the tracks in a tenth of a second, px. Without `needs_velocity` gyro
+  /// and picture suffice, where there are no samples of the velocity.
+  explicit StandstillDetector(double still_px, bool needs_velocity = true)
+      : still_px_(still_px), needs_velocity_(needs_velocity) {}
 
   /// A sample without its estimated bias; `covariance` 3x3 of its white noise.
   void addVelocity(Stamp stamp, const Eigen::Vector3d& velocity, const Eigen::Matrix3d& covariance);
@@ -48,6 +50,7 @@ class StandstillDetector {
   Picture picture(Stamp now) const;
 
   double still_px_;
+  bool needs_velocity_;
   std::deque<Sample> velocities_, rates_;
   Eigen::Vector3d bias_variance_ = Eigen::Vector3d::Zero(); ///< of the gyro
   std::deque<Flow> flows_;                     ///< of frames that share enough tracks with the one before

@@ -9,6 +9,9 @@ namespace vi_ekf_slam {
 LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, Eigen::Index axis,
                                const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
 
+/// How far the twist of a body that stands still for `dt` s may be from zero: 6x6 of (m/s, rad/s).
+Matrix6d standstillNoise(double dt);
+
 /// The body has stood still for `dt` s: its twist is zero, but for what a running engine shakes it.
 LinearMeasurement measureStandstill(const Filter& filter, Handle twist, double dt);
 

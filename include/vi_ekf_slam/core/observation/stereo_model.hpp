@@ -5,6 +5,7 @@
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
+#include "vi_ekf_slam/core/observation/rig_variables.hpp"
 
 namespace vi_ekf_slam {
 
@@ -13,8 +14,6 @@ namespace vi_ekf_slam {
 /// world is turned or shifted does not appear.
 class StereoModel {
  public:
-  static constexpr const char* kScaleName = "scale"; ///< of the baseline's scale, in a saved map
-
   struct Options {
     double pixel_sigma = 1.0;    ///< px, of each of the four coordinates of a feature
     double min_disparity = 1.0;  ///< px
@@ -23,20 +22,28 @@ class StereoModel {
     double max_depth_m = 220.0;  ///< m; points that start farther away do not become landmarks
   };
 
-  /// `scale`: a variable of one row, the relative error of the baseline; none: the baseline is known.
-  StereoModel(const StereoRig& rig, const Options& options, std::optional<Handle> scale)
-      : rig_(rig), options_(options), scale_(scale) {}
+  StereoModel(const StereoRig& rig, const Options& options, const RigVariables& variables = {})
+      : rig_(rig), options_(options), variables_(variables) {}
 
   const StereoRig& rig() const { return rig_; }
-  /// Takes points of the world to the left camera's frame.
-  SE3 camTWorld(const Filter& filter) const { return rig_.cam_T_imu * filter.pose().inverse(); }
+  const RigVariables& variables() const { return variables_; }
+  /// The frame that is looked at from now on: the filter's state is of its stamp, which `time_offset` (s) is
+  /// part of; what differs from the estimated one the body has moved by its twist (m/s, rad/s, body).
+  void beginFrame(double time_offset, const Vector6d& twist) {
+    time_offset_ = time_offset;
+    twist_ = twist;
+  }
+  /// Takes points of the world to the left camera's frame; with `rig_error` added to the calibration.
+  SE3 camTWorld(const Filter& filter, const Eigen::VectorXd& rig_error = {}) const;
+
+  // Of a feature: its pixels, and their standard deviation in px; 0: as configured.
 
   /// Whether the pixels are those of a point before the pair.
-  bool isUsable(const StereoPixels& pixels) const;
+  bool isUsable(const StereoPixels& pixels, double sigma = 0.0) const;
 
   /// What `pixels` say about the landmark; nothing when it is not before the camera.
-  std::optional<LinearMeasurement> observe(const Filter& filter, Handle landmark,
-                                           const StereoPixels& pixels) const;
+  std::optional<LinearMeasurement> observe(const Filter& filter, Handle landmark, const StereoPixels& pixels,
+                                           double sigma = 0.0) const;
 
   /// Where a feature seen for the first time lies: y = noise (3x3, m^2, world axes) and what `by` has it. Not
   /// the point of its pixels but the one that tells distances without bias.
@@ -46,23 +53,27 @@ class StereoModel {
     LinearFunction by;
   };
   /// Nothing when the depth is outside [min_depth_m, max_depth_m].
-  std::optional<Triangulated> triangulate(const Filter& filter, const StereoPixels& pixels) const;
+  std::optional<Triangulated> triangulate(const Filter& filter, const StereoPixels& pixels,
+                                          double sigma = 0.0) const;
 
   /// 3x3 of (u_left, v, u_right), px^2.
-  Eigen::Matrix3d noise() const;
+  Eigen::Matrix3d noise(double sigma = 0.0) const;
 
   /// Corrects points before the camera in (x/z, y/z, 1/z), where pixels are linear, and re-expresses the
   /// error so that its covariance in these coordinates is unchanged: with straight ones the noise of far
-  /// points' depth turns into an error of scale. Of the pose before the correction.
-  PointChart inverseDepthChart(const Filter& filter) const;
+  /// points' depth turns into an error of scale. Of the state before the correction, whose `error` it is;
+  /// without calibration variables it need not be known.
+  PointChart inverseDepthChart(const Filter& filter, const Eigen::VectorXd& error = {}) const;
 
  private:
-  StereoPixels withoutBias(const StereoPixels& pixels) const;
-  StereoCamera cameraOf(const Filter& filter) const;
+  double sigmaOf(double given) const { return given > 0.0 ? given : options_.pixel_sigma; }
+  StereoPixels withoutBias(const StereoPixels& pixels, double sigma) const;
 
   StereoRig rig_;
   Options options_;
-  std::optional<Handle> scale_;
+  RigVariables variables_;
+  double time_offset_ = 0.0;
+  Vector6d twist_ = Vector6d::Zero();
 };
 
 } // namespace vi_ekf_slam

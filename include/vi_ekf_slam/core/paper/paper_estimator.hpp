@@ -15,7 +15,7 @@ class PaperEstimator : public Estimator {
   explicit PaperEstimator(const PaperConfig& config);
 
   void setRig(const StereoRig& rig) override { rig_ = rig; }
-  void process(const GyroSample& sample) override;
+  void process(const ImuSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
   StateEstimate state() const override;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,11 @@ struct RunSummary {
   SystemCounts counts;
   /// Messages (and features) that were turned away before they became measurements, by reason.
   std::map<std::string, std::uint64_t> turned_away;
-  std::vector<StreamNoise> noise; ///< of the streams that were used
+  std::vector<StreamNoise> noise; ///< of the sensors that were used
+  std::string motion;             ///< SlamSystem::motionText
+  std::string not_started;        ///< why there is no pose at the end; empty: there is one
+  ImuCheck::Counts imu;
+  std::optional<RigEstimate> rig; ///< at the end
 };
 
 /// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.
@@ -31,6 +36,7 @@ struct RunSummary {
 /// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
 ///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
 /// - frames.csv: the FrameReport of each frame. landmarks.csv: final map. summary.yaml: counts and times.
+/// - calibration.yaml: where some of it was estimated, see rigCalibrationText.
 ///
 /// A file appears under its name only when it is complete. Failures throw std::runtime_error with file and
 /// cause.
@@ -41,6 +47,7 @@ class RunWriter {
                               *kLandmarks = "landmarks.csv", *kSummary = "summary.yaml";
   static constexpr std::array<const char*, 6> kFiles = {kTrajectory, kDeadReckoning, kCovariance,
                                                         kFrames,     kLandmarks,     kSummary};
+  static constexpr const char* kCalibration = "calibration.yaml"; ///< where it was estimated
   /// What the names of the folders of earlier starts begin with.
   static constexpr const char* kBeforeReset = "before_reset_";
 

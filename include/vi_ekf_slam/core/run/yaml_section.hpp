@@ -39,6 +39,9 @@ class YamlSection {
   /// The document's root; an empty document is an empty mapping.
   static YamlSection root(const std::string& yaml, const std::string& source);
 
+  bool has(const std::string& key) { return static_cast<bool>(find(key)); }
+  /// s since the epoch, exact to the nanosecond; required.
+  Stamp stamp(const std::string& key);
   YamlSection section(const std::string& key) { return {find(key), path_ + key + ".", source_}; }
   void read(const std::string& key, const Range& range, double& value);
   void read(const std::string& key, const Range& range, std::size_t& value);
@@ -46,6 +49,9 @@ class YamlSection {
   void read(const std::string& key, std::string& value);
   /// `size` numbers, or one that stands for all of them.
   void read(const std::string& key, const Range& range, Eigen::Ref<Eigen::VectorXd> value);
+  // The same of a key that must be there.
+  double required(const std::string& key, const Range& range);
+  Eigen::VectorXd required(const std::string& key, const Range& range, Eigen::Index size);
   template <typename Enum>
   void readChoice(const std::string& key, const std::vector<std::pair<std::string, Enum>>& choices,
                   Enum& value) {

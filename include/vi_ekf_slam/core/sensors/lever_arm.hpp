@@ -14,7 +14,7 @@ class LeverArm {
       : velocity_sigma_(velocity_sigma), gyro_sigma_(gyro_sigma) {}
 
   /// In the order of stamps.
-  void note(const GyroSample& sample) { gyro_ = sample; }
+  void note(const ImuSample& sample) { gyro_ = sample; }
   void restart() { gyro_.reset(); }
 
   /// v_imu = v_point - omega x lever_arm. Where the rate is not known (no gyro sample in the half second
@@ -24,7 +24,7 @@ class LeverArm {
  private:
   double velocity_sigma_;
   double gyro_sigma_;
-  std::optional<GyroSample> gyro_;
+  std::optional<ImuSample> gyro_;
 };
 
 } // namespace vi_ekf_slam

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <variant>
@@ -11,11 +12,14 @@
 
 namespace vi_ekf_slam {
 
-/// Angular velocity of the IMU in its own frame, rad/s.
-struct GyroSample {
+/// Angular velocity of the IMU, rad/s, and, where it has accelerometers, its specific force, m/s^2 (at rest
+/// 9.81 upwards), both in its own frame.
+struct ImuSample {
   Stamp stamp = 0;
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();
   std::optional<Eigen::Matrix3d> covariance; ///< (rad/s)^2 of this sample; absent: the configured noise holds
+  std::optional<Eigen::Vector3d> acceleration = std::nullopt;
+  std::optional<Eigen::Matrix3d> acceleration_covariance = std::nullopt; ///< (m/s^2)^2, as `covariance`
 };
 
 /// Linear velocity of a point of the vehicle along the axes of the IMU frame, m/s.
@@ -36,21 +40,27 @@ struct TwistBias {
 
 using FeatureId = std::uint64_t;
 
+/// 256 bits of what a point looks like, near in Hamming distance where it looks alike.
+using Descriptor = std::array<std::uint8_t, 32>;
+
 struct StereoFeatureObservation {
   FeatureId id = 0;
   StereoPixels pixels = StereoPixels::Zero();
+  double sigma = 0.0; ///< px, standard deviation of each of the four; 0: as configured
+  std::optional<Descriptor> descriptor = std::nullopt; ///< of the left image
 };
 
 /// What one exposure of the stereo pair saw. Ids are unique within a frame.
 struct StereoFrame {
   Stamp stamp = 0;
   std::vector<StereoFeatureObservation> features;
+  double time_offset = 0.0; ///< s, by which the stamp was moved on from the camera's clock to the IMU's
 };
 
-using Measurement = std::variant<GyroSample, VelocitySample, StereoFrame>;
+using Measurement = std::variant<ImuSample, VelocitySample, StereoFrame>;
 
 /// The streams that a Measurement can come from, in the order in which equal stamps are processed.
-enum class Stream : std::size_t { kGyro = 0, kVelocity = 1, kStereo = 2 };
+enum class Stream : std::size_t { kImu = 0, kVelocity = 1, kStereo = 2 };
 constexpr std::size_t kStreamCount = std::variant_size_v<Measurement>;
 
 inline Stream streamOf(const Measurement& m) { return static_cast<Stream>(m.index()); }

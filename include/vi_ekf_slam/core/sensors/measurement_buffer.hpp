@@ -59,6 +59,9 @@ class MeasurementBuffer {
   /// The oldest measurement, due or not: for the end of the data.
   std::optional<Measurement> popRegardless();
 
+  /// The oldest sample of the IMU that is held; none: nullptr.
+  const ImuSample* nextImu() const;
+
   std::size_t size() const { return pending_.size(); }
   bool empty() const { return pending_.empty(); }
   /// The oldest stamp held; the buffer must not be empty.

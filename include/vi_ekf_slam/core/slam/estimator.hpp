@@ -3,13 +3,16 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/core/health/divergence_monitor.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
+#include "vi_ekf_slam/core/observation/rig_variables.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/initial_state.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {
@@ -46,7 +49,7 @@ struct FrameReport {
   std::size_t initialised = 0;   ///< became landmarks
   std::size_t removed = 0;       ///< landmarks that are no longer active
   std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
-  bool place_recognised = false; ///< by the constellation of the landmarks
+  bool place_recognised = false; ///< without ids, by what landmarks look like or their constellation
   bool relocalised = false;      ///< from this frame on all poses and landmarks are in the loaded map's frame
   std::size_t landmarks = 0;     ///< in the state after the frame, active
   std::size_t inactive = 0;      ///< landmarks out of view that are in the joint covariance after the frame
@@ -74,7 +77,16 @@ class Estimator {
   /// What is known of the biases beforehand, instead of the configured prior.
   virtual void setBiasPrior(const TwistBias& /*bias*/) {}
 
-  virtual void process(const GyroSample& sample) = 0;
+  /// Before the first measurement: goes on from there. False for an estimator that cannot.
+  virtual bool begin(const InitialState& /*state*/) { return false; }
+  /// Whether there is a pose. An estimator that looks for gravity has none at first.
+  virtual bool hasStarted() const { return true; }
+  /// Why there is none yet, in words; empty: there is one.
+  virtual std::string startProblem() const { return {}; }
+
+  /// The IMU's sample that follows what is processed next, where it is known already.
+  virtual void expect(const ImuSample& /*next*/) {}
+  virtual void process(const ImuSample& sample) = 0;
   virtual void process(const VelocitySample& sample) = 0;
   virtual FrameReport process(const StereoFrame& frame) = 0;
 
@@ -91,6 +103,12 @@ class Estimator {
 
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;
+
+  /// The calibration as it is known by now; nothing without a rig, or for an estimator that takes it as it
+  /// is.
+  virtual std::optional<RigEstimate> rig() const { return std::nullopt; }
+  /// By how many s the stamps of frames are to be moved on from the camera's clock to the IMU's.
+  virtual double timeOffset() const { return 0.0; }
 
   /// Every landmark the estimator holds, ordered by id. A covariance may have become smaller since.
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;

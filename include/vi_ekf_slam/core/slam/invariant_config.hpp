@@ -2,7 +2,9 @@
 
 #include "vi_ekf_slam/core/health/recovery.hpp"
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
+#include "vi_ekf_slam/core/map/place_recognition.hpp"
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
+#include "vi_ekf_slam/core/motion/inertial.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 #include "vi_ekf_slam/core/observation/track_slip.hpp"
 #include "vi_ekf_slam/core/tracking/frame_update.hpp"
@@ -14,6 +16,13 @@ struct Gates {
   double gate, frame_gate;
 };
 
+/// How the body is taken to move.
+enum class MotionChoice {
+  kAuto,          ///< inertial where the IMU's messages carry accelerations, else constant twist
+  kConstantTwist, ///< gyro and velocity are measurements of a slowly changing twist
+  kInertial,      ///< gyro and accelerometer are inputs
+};
+
 /// The right-invariant EKF, room by room.
 struct InvariantConfig {
   Gates gates() const { return {update.gate, update.frame_gate}; }
@@ -22,18 +31,23 @@ struct InvariantConfig {
     update.frame_gate = gates.frame_gate;
   }
 
+  MotionChoice choice =
+      MotionChoice::kAuto; ///< kAuto is a constant twist to whom makes an estimator by itself
   ConstantTwist::Options motion;
+  Inertial::Options inertial;
   StereoModel::Options stereo;
   TrackSlip::Options slip;
   FrameUpdate::Options update;
   Recovery::Options recovery;
   LandmarkMap::Options map;
-  /// Standard deviation of the relative error of the baseline beforehand; 0: the baseline is known.
-  double scale_sigma = 0.0;
+  RigVariables::Options rig;
   /// Median motion of the tracks in a tenth of a second up to which the picture stands still, px; 0: never.
   double standstill_px = 0.3;
-  /// Whether places are recognised by the constellation of their landmarks, where ids do not return.
-  bool recognise_places = false;
+  /// Landmarks in view at a time: the time for a frame grows with their cube.
+  std::size_t max_tracked = 100;
+  /// Floating-point operations that closures may cost in a second, on the average: a tenth of a core.
+  double closure_operations = 2e9;
+  PlaceRecognition recognise_places = PlaceRecognition::kDescriptors;
 };
 
 } // namespace vi_ekf_slam

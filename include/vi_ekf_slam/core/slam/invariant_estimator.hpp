@@ -20,13 +20,25 @@ class InvariantEstimator : public Estimator {
 
   void setRig(const StereoRig& rig) override;
   void setBiasPrior(const TwistBias& bias) override { motion_->setBiasPrior(filter_, bias); }
-  void process(const GyroSample& sample) override;
+  bool begin(const InitialState& state) override;
+  /// What is known of the IMU from before the state that it begins with.
+  void preset(const ImuTrack& imu) { imu_ = imu; }
+  /// Goes on from a saved map if it may (see resumeFrom), for a measurement at `now`; whether it did.
+  bool resumeAt(Stamp now);
+  /// From now on the map begins where the body is: at the origin, its heading along x. Before anything is
+  /// inactive.
+  void moveOriginHere();
+  void expect(const ImuSample& next) override { imu_.expect(next); }
+  void process(const ImuSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
+  Eigen::Vector3d gyroBias() const { return motion_->gyroBias(filter_); } ///< rad/s
   void setGates(const Gates& gates) override { config_.setGates(gates); }
   bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) override;
   bool canBridge(double gap_s) const override;
   StateEstimate state() const override;
+  std::optional<RigEstimate> rig() const override;
+  double timeOffset() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
   std::function<std::vector<LandmarkEstimate>()> exactMap() const override;
   bool keepsJointMap() const override { return map_.keepsInactive(); }
@@ -38,12 +50,13 @@ class InvariantEstimator : public Estimator {
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
   void advanceTo(Stamp stamp);
-  void propagate(Filter& filter, double dt) const;
+  void propagate(Filter& filter, Stamp from, Stamp to) const;
   void checkpoint(bool thoroughly);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
   void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
+  std::vector<std::size_t> longestInView(const StereoFrame& frame, std::vector<std::size_t> features) const;
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
   void resume(const Closures::Resume& from, Stamp stamp);
 
@@ -54,6 +67,7 @@ class InvariantEstimator : public Estimator {
 
   InvariantConfig config_;
   std::shared_ptr<MotionModel> motion_; ///< shared by copies; has no state but its variables' handles
+  ImuTrack imu_;
   std::optional<StereoModel> model_;
   TrackSlip slip_;
   Filter filter_;

@@ -10,10 +10,12 @@
 
 namespace vi_ekf_slam {
 
-/// Which noise the estimator takes a stream to have, and from where.
+/// Which noise the estimator takes a sensor to have, and from where.
 struct StreamNoise {
   std::string stream;
-  double sigma = 0.0; ///< standard deviation per axis; of axes that differ, their root mean square
+  /// Standard deviation per axis, or root spectral density where the unit has a sqrt(Hz); of axes that
+  /// differ, their root mean square.
+  double sigma = 0.0;
   std::string unit;
   std::string source;
 };
@@ -21,21 +23,38 @@ struct StreamNoise {
 /// "gyro 0.05 rad/s (from its messages)".
 std::string toText(const StreamNoise& noise);
 
-/// Collects the noise of each stream from the first measurement that is used, for a run's log and summary.
+/// Collects the noise of each sensor from the first measurement that is used, for a run's log and summary.
 class NoiseReport {
  public:
   explicit NoiseReport(const Config& config);
 
-  /// A measurement is used. What is new by it: a stream, or another source of its noise.
-  std::optional<StreamNoise> note(const Measurement& measurement);
-  /// Those that were used, in the order of Stream. A source that came later is named behind the first.
+  /// Whether gyro and accelerometer are inputs of an inertial model, whose noise is a density. Known before
+  /// the first measurement.
+  void setInertial(bool inertial);
+  /// A measurement is used. What is new by it: a sensor, or another source of its noise.
+  std::vector<StreamNoise> note(const Measurement& measurement);
+  /// Those that were used: gyro, accelerometer, velocity, pixels. A source that came later is named behind
+  /// the first.
   std::vector<StreamNoise> streams() const;
 
  private:
+  struct Sensor {
+    StreamNoise configured;
+    std::optional<StreamNoise> used;
+    std::array<bool, 2> noted{}; ///< by whether the measurement had a covariance
+  };
+
+  void noteSensor(Sensor& sensor, const std::optional<Eigen::Matrix3d>& covariance,
+                  std::vector<StreamNoise>& news);
+  void noteImu(const ImuSample& sample, std::vector<StreamNoise>& news);
+
+  Inertial::Options inertial_;
+  bool is_inertial_ = false;
   bool takes_covariances_; ///< from messages that have one
-  std::array<StreamNoise, kStreamCount> configured_;
-  std::array<std::optional<StreamNoise>, kStreamCount> used_;
-  std::array<std::array<bool, 2>, kStreamCount> noted_{}; ///< by whether the measurement had a covariance
+  Sensor gyro_, accelerometer_, velocity_, pixels_;
+  std::optional<Stamp> first_imu_;
+  std::size_t imu_intervals_ = 0;
+  double imu_period_ = 0.0; ///< s, mean; 0: not known yet
 };
 
 } // namespace vi_ekf_slam

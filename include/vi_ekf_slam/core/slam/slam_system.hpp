@@ -5,12 +5,15 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "vi_ekf_slam/core/health/blindness.hpp"
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/clock_guard.hpp"
+#include "vi_ekf_slam/core/sensors/imu_check.hpp"
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
@@ -21,6 +24,7 @@ namespace vi_ekf_slam {
 /// A faster measurement is no motion of a vehicle but a fault; far faster ones would overflow the filter.
 constexpr double kMaxSpeed = 1e3;        ///< m/s
 constexpr double kMaxAngularSpeed = 1e3; ///< rad/s
+constexpr double kMaxAcceleration = 1e4; ///< m/s^2
 
 /// The result of one processed measurement.
 struct Output {
@@ -39,6 +43,7 @@ struct SystemCounts {
   PerStream too_fast{};        ///< of the invalid: beyond kMaxSpeed and the like
   PerStream bad_covariance{};  ///< of the invalid: not symmetric positive definite
   std::uint64_t frames_without_rig = 0;
+  std::uint64_t frames_before_start = 0; ///< of an estimator that has no pose at first
   std::uint64_t resets = 0;
   std::uint64_t gaps = 0; ///< longer than max_jump_s, short enough to go on
   std::uint64_t features = 0, features_invalid = 0, features_used = 0, features_rejected = 0;
@@ -64,10 +69,10 @@ class SlamSystem {
   /// Called after each stereo frame, in the order of stamps.
   void onFrame(std::function<void(const Output&)> handler) { handlers_.frame = std::move(handler); }
   /// Called after each gyro sample (the rate of smooth odometry).
-  void onGyro(std::function<void(const Output&)> handler) { handlers_.gyro = std::move(handler); }
+  void onImu(std::function<void(const Output&)> handler) { handlers_.gyro = std::move(handler); }
   /// Called after a reset, with the reason.
   void onReset(std::function<void(const std::string&)> handler) { handlers_.reset = std::move(handler); }
-  /// Called when a stream is used for the first time: which noise it is taken to have, and from where.
+  /// Called when a sensor is used for the first time: which noise it is taken to have, and from where.
   void onNoise(std::function<void(const StreamNoise&)> handler) { handlers_.noise = std::move(handler); }
 
   /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
@@ -80,6 +85,26 @@ class SlamSystem {
   /// What is known of the sensors' biases, in place of the configured prior; also after a reset. Throws
   /// std::invalid_argument unless all is finite and the sigmas are positive.
   void setBiasPrior(const TwistBias& bias);
+
+  /// Before the first measurement: goes on from there, with the inertial motion model. Throws ConfigError for
+  /// a configuration that has another one.
+  void begin(const InitialState& state);
+
+  /// How the body is taken to move; kAuto as long as no measurement has decided.
+  MotionChoice motion() const { return motion_; }
+  /// "motion: inertial, the IMU's messages carry accelerations"; empty as long as it is kAuto.
+  const std::string& motionText() const { return motion_text_; }
+  /// Called when that is known, with each reason for which there is no pose yet, and when there is one. Of
+  /// reasons that differ by their numbers the first is told.
+  void onStart(std::function<void(const std::string&)> handler) { handlers_.start = std::move(handler); }
+
+  /// Called with what is wrong with the IMU, once each.
+  void onImuProblem(std::function<void(const std::string&)> handler) {
+    imu_check_.onProblem(std::move(handler));
+  }
+  const ImuCheck& imuCheck() const { return imu_check_; }
+  /// The latest stamp that has come since the start; nothing: none has.
+  std::optional<Stamp> newest() const { return buffer_.newest(); }
 
   /// Processes whatever is due with it. A measurement that is not usable is dropped and counted.
   void add(Measurement measurement);
@@ -114,7 +139,7 @@ class SlamSystem {
  private:
   struct Handlers {
     std::function<void(const Output&)> frame, gyro;
-    std::function<void(const std::string&)> reset;
+    std::function<void(const std::string&)> reset, start;
     std::function<void(const StreamNoise&)> noise;
   };
 
@@ -124,10 +149,17 @@ class SlamSystem {
   void followJump();
   void countStrays();
   void drain();
+  void choose(MotionChoice motion, const std::string& reason);
+  std::unique_ptr<Estimator> makeEstimator() const;
+  bool waits() const;
+  void reportStart();
+  void updateDeadReckoning(const Measurement& measurement, const StateEstimate& state);
   void process(const Measurement& measurement);
   void count(const FrameReport& report);
 
   Config config_;
+  MotionChoice motion_;
+  std::string motion_text_;
   ClockGuard guard_;
   MeasurementBuffer buffer_;
   std::unique_ptr<Estimator> estimator_;
@@ -136,10 +168,12 @@ class SlamSystem {
   std::optional<StereoRig> rig_;
   std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> loaded_map_;
+  std::set<std::string> told_starts_; ///< without their numbers
   std::optional<Stamp> first_stamp_;
   Blindness blindness_;
   SystemCounts counts_;
   NoiseReport noise_;
+  ImuCheck imu_check_;
   Handlers handlers_;
 };
 

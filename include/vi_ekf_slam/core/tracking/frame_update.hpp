@@ -29,8 +29,11 @@ Associations associate(const Filter& filter, const LandmarkMap& map, const Stere
 
 /// What became of a frame's associations.
 struct FrameOutcome {
-  std::vector<bool> used; ///< association by association: it corrected the state; else it was rejected
-  bool skipped = false;   ///< the frame contradicts the state as a whole and was not used
+  std::vector<bool> used; ///< association by association: it corrected the state
+  /// It did not, but is no further off than the noise of one in 10,000: one measurement is left out, and
+  /// nothing is said about the track.
+  std::vector<bool> missed;
+  bool skipped = false; ///< the frame contradicts the state as a whole and was not used
   /// Normalised innovations squared of the plausible ones, each judged by itself, summed. The ones that were
   /// used would not do: picking those that agree makes them look better than they are.
   double nis = 0.0;
@@ -64,7 +67,7 @@ class FrameUpdate {
  private:
   std::vector<bool> choose(const Innovation& in, const std::vector<double>& nis) const;
   bool isPossible(Innovation& in, const Filter& filter) const;
-  bool reconsider(Innovation& in, std::vector<bool>& used) const;
+  bool reconsider(Innovation& in, FrameOutcome& outcome) const;
 
   const Options& options_;
   const StereoModel& model_;

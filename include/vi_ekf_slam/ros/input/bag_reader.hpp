@@ -27,6 +27,7 @@ struct BagMessage {
   const BagConnection& connection;
   const std::uint8_t* data;
   std::uint32_t size; ///< bytes
+  std::uint64_t time; ///< ns, of recording
 };
 
 /// Reads bags of format 2.0 that nobody vouches for. rosbag::Bag believes what a file says, and with one that

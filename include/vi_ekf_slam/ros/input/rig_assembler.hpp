@@ -11,10 +11,22 @@
 
 namespace vi_ekf_slam {
 
-/// Puts the calibration together from what ROS carries: two CameraInfo messages of a RECTIFIED pair (only P
-/// counts) and the transform from the IMU to the left optical frame. The first complete calibration holds.
+/// What keeps the two from describing a stereo pair with rectified images of one size, by P and R; a sentence
+/// that names topic, field and value, or empty: nothing.
+std::string stereoProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right,
+                          const std::string& left_topic, const std::string& right_topic);
+/// The rectified pair that P of both describes; stereoProblem must be empty.
+StereoCamera stereoCamera(const sensor_msgs::CameraInfo& left, const sensor_msgs::CameraInfo& right);
+/// R of a CameraInfo, rectified_R_raw; the identity where it is left zero, as for images that nobody
+/// rectifies.
+Eigen::Matrix3d rectification(const sensor_msgs::CameraInfo& info);
+
+/// Puts the calibration together from what ROS carries: two CameraInfo messages, of which P counts and R of
+/// the left one, and the transform from the IMU to the left optical frame. The first complete calibration
+/// holds.
 ///
-/// As in stereo_image_proc, the left CameraInfo's frame_id is taken as the frame of the rectified left image.
+/// The left CameraInfo's frame_id is the frame of the camera as it is mounted; the rectified left image is
+/// one of a camera turned by R.
 class RigAssembler {
  public:
   /// `frames` must outlive this. Names of the two CameraInfo topics, for problem().

@@ -10,7 +10,6 @@
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
-#include "vi_ekf_slam/ros/node/load_control.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
 #include "vi_ekf_slam/ros/output/publishers.hpp"
 
@@ -39,7 +38,6 @@ class Diagnostics {
     const Intake& intake;
     const Publishers& publishers;
     const WorkQueue& queue;
-    const LoadControl& load;
   };
 
   Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources);

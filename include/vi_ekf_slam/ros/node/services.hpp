@@ -13,6 +13,7 @@
 #include "vi_ekf_slam/LoadMap.h"
 #include "vi_ekf_slam/SaveMap.h"
 #include "vi_ekf_slam/SetPose.h"
+#include "vi_ekf_slam/SetState.h"
 #include "vi_ekf_slam/ros/node/results.hpp"
 #include "vi_ekf_slam/ros/node/tuning.hpp"
 
@@ -28,6 +29,7 @@ class Services {
     std::function<void(std::shared_ptr<const SavedMap> map, const std::string& file)> load_map;
     /// Why nothing was done; empty: it was.
     std::function<std::string(const geometry_msgs::PoseWithCovarianceStamped& pose)> set_pose;
+    std::function<std::string(const SetState::Request& state)> set_state;
     std::function<void(const TuningConfig& tuning)> tune;
   };
 
@@ -44,6 +46,7 @@ class Services {
  private:
   bool reset(std_srvs::Empty::Request& request, std_srvs::Empty::Response& response);
   bool setPose(SetPose::Request& request, SetPose::Response& response);
+  bool setState(SetState::Request& request, SetState::Response& response);
   bool saveTrajectory(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
   bool saveMap(SaveMap::Request& request, SaveMap::Response& response);
   bool loadMap(LoadMap::Request& request, LoadMap::Response& response);

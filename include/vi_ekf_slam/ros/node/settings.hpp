@@ -2,8 +2,11 @@
 
 #include <ros/ros.h>
 
+#include <optional>
+#include <set>
 #include <string>
 
+#include "vi_ekf_slam/core/slam/initial_state.hpp"
 #include "vi_ekf_slam/ros/node/map_store.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
@@ -16,7 +19,12 @@ struct NodeSettings {
   std::string output_dir;          ///< absolute; empty: nothing is saved
   double autosave_period_s = 60.0; ///< s of wall time; 0: saved at the end only
   MapStore::Settings maps;
+  std::optional<InitialState> initial_state; ///< of ~initial_state
 };
+
+/// The configuration among the parameters below `private_nh`. What is neither it nor one of the `known` names
+/// is warned of. Throws ConfigError.
+FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<std::string>& known);
 
 /// Throws ConfigError, or std::runtime_error when output_dir cannot be made.
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh);

@@ -3,19 +3,18 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <ros/ros.h>
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <string>
-#include <vector>
 
+#include "vi_ekf_slam/core/sensors/arrival_check.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/node/diagnostics.hpp"
-#include "vi_ekf_slam/ros/node/load_control.hpp"
 #include "vi_ekf_slam/ros/node/map_store.hpp"
 #include "vi_ekf_slam/ros/node/results.hpp"
 #include "vi_ekf_slam/ros/node/services.hpp"
 #include "vi_ekf_slam/ros/node/settings.hpp"
+#include "vi_ekf_slam/ros/node/subscriptions.hpp"
 #include "vi_ekf_slam/ros/node/worker.hpp"
 #include "vi_ekf_slam/ros/output/output_sequencer.hpp"
 #include "vi_ekf_slam/ros/output/publishers.hpp"
@@ -33,7 +32,7 @@ class SlamNode {
  public:
   /// Throws ConfigError, MapError for ~map_file, or std::runtime_error when output_dir cannot be made: the
   /// node must not start then.
-  SlamNode(ros::NodeHandle nh, ros::NodeHandle private_nh);
+  SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
   /// Calls finish().
   ~SlamNode();
   SlamNode(const SlamNode&) = delete;
@@ -58,38 +57,35 @@ class SlamNode {
     std::map<std::string, std::uint64_t> warned_turned_away;
   };
 
-  InputTopics resolvedTopics() const;
   void connectSystem();
-  void subscribe();
-  template <typename Message>
-  void listen(const std::string& topic, std::function<void(const Message&)> process,
-              std::optional<Stream> stream);
+  /// `pose_topic`: initialpose as it is resolved, for messages.
+  void subscribe(const std::string& pose_topic);
   template <typename Message>
   void listenToMeasurements(const std::string& topic, Stream stream);
   Services::Actions actions();
-  void listenToTransforms(const std::string& topic, bool is_static);
   void handleTransforms(tf2_msgs::TFMessage message, bool is_static, bool of_this_process);
   void process(WorkQueue::Item& item);
   void tend(bool is_pause);
   void handleOutput(const Output& output, bool is_frame);
   void handleReset(const std::string& reason);
   std::string setPose(const geometry_msgs::PoseWithCovarianceStamped& message);
+  std::string setState(const SetState::Request& request);
+  void noteArrival(Stream stream, const ros::Time& stamp);
   void warn();
   RunSummary summary() const;
 
-  ros::NodeHandle nh_;
   NodeSettings settings_;
   MapStore maps_;
   SlamSystem system_;
   Intake intake_;
   OutputSequencer sequencer_;
   Publishers publishers_;
-  LoadControl load_;
   Worker worker_;
   Diagnostics diagnostics_;
   Results results_;
   Watch watch_;
-  std::vector<ros::Subscriber> subscribers_;
+  ArrivalCheck arrival_check_;
+  Subscriptions subscriptions_;
   std::unique_ptr<Services> services_; ///< none after finish()
 };
 

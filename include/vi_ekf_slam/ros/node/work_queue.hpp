@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/ros/node/load_control.hpp"
 
 namespace vi_ekf_slam {
 
@@ -17,9 +18,9 @@ namespace vi_ekf_slam {
 ///
 /// When the computing does not keep up, frames are shed, the oldest first: one that has waited for more than
 /// `max_latency_s`, while a newer one is here. One in each `max_latency_s` is given out all the same, since
-/// with none at all the filter could not let go of its landmarks. IMU and velocity are never shed. Only when
-/// `max_size` is reached, which bounds the memory, the oldest frame or, without one, the oldest item is
-/// dropped.
+/// with none at all the filter could not let go of its landmarks. Before it comes to that, fewer features of
+/// each are to be taken (LoadControl). IMU and velocity are never shed. Only when `max_size` is reached,
+/// which bounds the memory, the oldest frame or, without one, the oldest item is dropped.
 class WorkQueue {
  public:
   using Clock = std::chrono::steady_clock;
@@ -27,6 +28,7 @@ class WorkQueue {
   struct Options {
     double max_latency_s = 0.0; ///< s of wall time; 0: nothing is shed
     std::size_t max_size = 100000;
+    std::size_t max_features = 400; ///< of a frame
   };
 
   struct Item {
@@ -41,7 +43,8 @@ class WorkQueue {
     std::size_t size = 0;                               ///< items that wait now
   };
 
-  explicit WorkQueue(const Options& options) : options_(options) {}
+  explicit WorkQueue(const Options& options)
+      : options_(options), load_(options.max_features, options.max_latency_s) {}
 
   /// False, and nothing is done, once the queue is closed.
   bool push(std::function<void()> work, std::optional<Stream> stream);
@@ -53,6 +56,8 @@ class WorkQueue {
   std::size_t clear();
   bool closed() const;
   Counts counts() const;
+  /// Features that are to be taken of a frame at most, as the load is.
+  std::size_t featureLimit() const;
 
  private:
   static bool isFrame(const Item& item) { return item.stream == Stream::kStereo; }
@@ -65,6 +70,7 @@ class WorkQueue {
   std::deque<Item> items_;
   std::size_t frames_ = 0;                      ///< among the items
   std::optional<Clock::time_point> last_frame_; ///< when one was given out
+  LoadControl load_;
   Counts counts_;
   bool closed_ = false;
 };

@@ -1,15 +1,12 @@
 #pragma once
 
 #include <XmlRpcValue.h>
-
-#include <set>
-#include <string>
+#include <yaml-cpp/yaml.h>
 
 namespace vi_ekf_slam {
 
-/// A parameter tree as YAML text (flow style) that parses to the same values: numbers keep all digits, and a
-/// string that spells a number, such as the 5e9 that roslaunch's YAML 1.1 takes for one, becomes that number
-/// again. Top-level members named in `skip` are left out.
-std::string toYaml(const XmlRpc::XmlRpcValue& value, const std::set<std::string>& skip = {});
+/// A parameter tree as YAML of the same values: numbers keep all digits, and a string that spells a number,
+/// such as the 5e9 that roslaunch's YAML 1.1 takes for text, reads as that number.
+YAML::Node toYaml(const XmlRpc::XmlRpcValue& value);
 
 } // namespace vi_ekf_slam

@@ -12,14 +12,17 @@ namespace vi_ekf_slam {
 
 /// The frame whose pose goes out, and the map that begins at its first pose: what the estimator says of the
 /// IMU in its world, which begins at the IMU's, said of the base. With B = base_T_imu, constant,
-/// map_T_base = B world_T_imu B^-1, and points of the world are at B of where they are.
+/// map_T_base = B world_T_imu B^-1, and points of the world are at B of where they are. A world whose z axis
+/// points up stays so: then map_T_base = M world_T_imu B^-1, where M turns by B's heading alone, so that a
+/// base that begins level begins at the map's origin, heading along its x axis.
 class BaseFrame {
  public:
   /// `frames` must outlive this.
   BaseFrame(const FrameTree& frames, const RosConfig& config) : frames_(frames), config_(config) {}
 
-  /// Whether the transform between the two is known now; the first one that was holds.
-  bool update(const std::string& imu_frame);
+  /// Whether the transform between the two is known now; the first one that was holds, and so does
+  /// `is_level`: the world's z axis points up.
+  bool update(const std::string& imu_frame, bool is_level);
   /// Why it is not known, or why no odom -> base may be sent, and what to do; empty: all is well.
   std::string problem() const;
   /// Of the frame; empty as long as nothing is known.
@@ -27,6 +30,8 @@ class BaseFrame {
   /// Whether somebody else publishes a parent of the frame, beside which there must be no second publisher.
   bool hasForeignParent() const;
 
+  /// M of above.
+  const SE3& mapFromWorld() const { return map_T_world_; }
   SE3 pose(const SE3& world_T_imu) const;
   /// The inverse of pose: where the IMU is in the world when the base is at `map_T_base`.
   SE3 imuPose(const SE3& map_T_base) const;
@@ -42,6 +47,7 @@ class BaseFrame {
   std::string imu_frame_;
   std::string name_;
   std::optional<SE3> base_T_imu_; ///< nothing: the IMU itself, or not known
+  SE3 map_T_world_;
 };
 
 } // namespace vi_ekf_slam

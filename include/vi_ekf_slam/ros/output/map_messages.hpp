@@ -13,11 +13,16 @@ namespace vi_ekf_slam {
 /// rviz draws no more points than this from one marker.
 constexpr std::size_t kMaxPointsPerMarker = 16384;
 
+/// Standard deviations (m) at the ends of the landmarks' colours, green and red; between them the scale is
+/// logarithmic, 1 m in its middle. 96 % of the landmarks of two recorded drives (0027, 0034) are between 0.2
+/// and 12 m.
+constexpr double kSigmaGreen = 0.1;
+constexpr double kSigmaRed = 10.0;
+
 /// How landmarks look in rviz.
 struct MarkerStyle {
-  std::string frame;        ///< of the positions
-  double size_m = 0.2;      ///< m, edge of its square
-  double sigma_red_m = 1.0; ///< m, standard deviation from which a landmark is red; 0 is green
+  std::string frame;   ///< of the positions
+  double size_m = 0.2; ///< m, edge of its square
 };
 
 /// Root mean square of the three standard deviations, m.
@@ -31,7 +36,8 @@ visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& l
 /// One DELETEALL.
 visualization_msgs::MarkerArray deleteAllMarkers(const std::string& frame);
 
-/// Fields x, y, z, sigma (FLOAT32, m) and id, id_high (UINT32, low and high half of the landmark's id).
+/// Fields x, y, z, sigma (FLOAT32, m), id, id_high (UINT32, low and high half of the landmark's id) and
+/// log10_sigma (FLOAT32, of sigma in m, for a colour scale; that of 1 mm where sigma is less).
 sensor_msgs::PointCloud2 toCloud(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
                                  const std::string& frame);
 

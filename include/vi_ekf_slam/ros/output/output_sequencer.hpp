@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
+#include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
 
@@ -14,12 +15,15 @@ namespace vi_ekf_slam {
 /// same stamp follows, or until the system has nothing more that is due (endOfDrain). A frame replaces the
 /// gyro result of its stamp. With every stream alive the frame is due together with the gyro sample, so
 /// nothing waits longer for this.
+///
+/// At the rate of the frames, results of IMU samples leave only while no frame comes for 1 s.
 class OutputSequencer {
  public:
   /// `is_frame`: the result of a stereo frame, not of a gyro sample.
   using Sink = std::function<void(const Output& output, bool is_frame)>;
 
-  explicit OutputSequencer(Sink sink) : sink_(std::move(sink)) {}
+  explicit OutputSequencer(Sink sink, OdometryRate rate = OdometryRate::kImu)
+      : sink_(std::move(sink)), rate_(rate) {}
 
   void addGyro(const Output& output);
   void addFrame(const Output& output);
@@ -28,6 +32,8 @@ class OutputSequencer {
 
  private:
   Sink sink_;
+  OdometryRate rate_;
+  std::optional<Stamp> last_frame_;
   std::optional<Output> held_;
 };
 

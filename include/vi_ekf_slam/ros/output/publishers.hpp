@@ -27,7 +27,9 @@ class Publishers {
 
   /// Odometry, pose, TF, paths and, after a frame when the period is over, the map; nothing as long as the
   /// base frame is not known.
-  void publish(const Output& output, bool is_frame, const std::string& imu_frame);
+  void publish(const Output& output, bool is_frame);
+  /// Whether the base frame is known, see BaseFrame::update.
+  bool findBase(const std::string& imu_frame, bool is_level) { return base_.update(imu_frame, is_level); }
   /// /tf or /tf_static have said more.
   void noteTransforms() { transforms_.noteTransforms(base_); }
   /// Whether this is a transform that is sent here.

@@ -10,8 +10,8 @@ namespace vi_ekf_slam {
 /// Dead reckoning that never jumps: over a new start of the estimator it goes on from where it was.
 class SmoothOdometry {
  public:
-  /// `start_T_base`: dead reckoning since the last start; `state` of the same stamp. Pose and covariance are
-  /// in odom, where the pose is of the base from its first one on; the twist stays.
+  /// `start_T_base`: dead reckoning since the last start, wherever that began; `state` of the same stamp.
+  /// Pose and covariance are in odom, where the pose is of the base from its first one on; the twist stays.
   ///
   /// The covariance grows by what the twist's covariance makes of the way: the twist's errors are taken to
   /// last for 1 s, and then to be others.
@@ -31,6 +31,7 @@ class SmoothOdometry {
   SE3 pose_;
   Matrix6d covariance_ = Matrix6d::Zero();
   std::optional<Stamp> stamp_;
+  bool is_restarted_ = false;
 };
 
 } // namespace vi_ekf_slam

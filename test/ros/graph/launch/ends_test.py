@@ -2,6 +2,7 @@
 """How slam.launch ends: with a status, with nothing half made, and with nothing that runs on."""
 
 import os
+import signal
 import sys
 
 import rostest
@@ -43,6 +44,18 @@ class Ends(LaunchRunner):
         self.check_refused("none.bag", "bag:=drive.bag", "map_file:=none.bag")
         self.check_refused("none.bag", "map_file:=none.bag", "output_dir:=run")
 
+    def test_an_initial_state_that_is_none(self):
+        """With a bag, and live; nor is one of use to another motion model."""
+        self.check_refused("none.yaml", "bag:=drive.bag", "initial_state:=none.yaml")
+        state = os.path.join(self.folder, "state.yaml")
+        with open(state, "w", encoding="ascii") as file:
+            file.write("stamp: 1.0\n")
+        self.check_refused("position", "initial_state:=state.yaml", "output_dir:=run")
+        with open(state, "w", encoding="ascii") as file:
+            file.write("{stamp: 1.0, position: 0, orientation: [0, 0, 0, 1], velocity: 0, gyro_bias: 0, accelerometer_bias: 0, "
+                       "covariance: [%s]}\n" % ", ".join("1" if i % 16 == 0 else "0" for i in range(225)))
+        self.check_refused("motion", "initial_state:=state.yaml", "config:=" + self.config)
+
     def test_a_node_that_cannot_start_leaves_no_player(self):
         """The player waits for its listeners then, and hears no signal."""
         status, said = self.launch("bag:=drive.bag", "config:=" + self.config, "output_dir:=/proc/none", "record:=true",
@@ -53,13 +66,40 @@ class Ends(LaunchRunner):
         self.assertEqual(["drive.bag"], os.listdir(self.folder))
         self.assertEqual(0, status)  # roslaunch's own, whatever its nodes end with
 
+    def child(self, process, word):
+        """Waits for a node of the launch, started with this word; its process id."""
+        pids = []
+
+        def runs():
+            pids[:] = [pid for pid, _ in processes_with(word) if self.is_child(pid, process.pid)]
+            return pids
+        self.assertTrue(wait_for(runs), word)
+        return pids[0]
+
+    def test_live_nothing_ends_with_the_node(self):
+        """What else was launched runs on."""
+        process = self.start("config:=" + self.config, "record:=true", own_master=True)
+        recorder = self.child(process, "record_outputs.py")
+        os.kill(self.child(process, "slam_node"), signal.SIGTERM)
+        said = self.read_until(process, "process has finished cleanly")
+        self.assertEqual(recorder, self.child(process, "record_outputs.py"))
+        said += self.stop(process)
+        self.assertNotIn("REQUIRED", said)
+        self.assertRegex(said, r"\[record_outputs-\d+\] killing on exit")
+
+    def test_with_a_bag_all_ends_with_the_node(self):
+        """And says which of them was required."""
+        process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
+        os.kill(self.child(process, "slam_node"), signal.SIGTERM)
+        said = self.finish(process)
+        self.assertIn("REQUIRED process [slam-", said)
+        self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))
+
     def test_a_killed_launch_leaves_no_player(self):
         """Not even kill -9 of the node that started it."""
         process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
         self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
-        for pid, _ in processes_with("play_bag.py"):
-            if self.is_child(pid, process.pid):
-                os.kill(pid, 9)
+        os.kill(self.child(process, "play_bag.py"), 9)
         said = self.finish(process)
         self.assertIn("REQUIRED process [play_bag", said)
         self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))

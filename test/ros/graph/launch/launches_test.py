@@ -190,14 +190,21 @@ class Launches(LaunchRunner):
         heard = {topic: [] for topic in kinds}
         listeners = [rospy.Subscriber(topic, kinds[topic], heard[topic].append, queue_size=10000) for topic in kinds]
         said = self.play_here(*arguments)
+        def stamps():
+            found = {}
+            for sent in (t for message in heard["/tf"] for t in message.transforms):
+                found.setdefault(sent.child_frame_id, []).append(sent.header.stamp)
+            return found
+        # Some may be played before we listen, the last ones are not.
+        end = rospy.Time(1006)
+        self.wait(lambda: heard["/robot/odometry"] and heard["/robot/odometry"][-1].header.stamp == end)
+        self.wait(lambda: all(end in of_child for of_child in stamps().values()))
         for listener in listeners:
             listener.unregister()
         self.assertEqual([], heard["/slam/private"] + heard["/moved/odometry"] + heard["/initialpose"], said)
-        self.assertEqual(61, len(heard["/robot/odometry"]), said)
-        stamps = {}
-        for sent in (t for message in heard["/tf"] for t in message.transforms):
-            stamps.setdefault(sent.child_frame_id, []).append(sent.header.stamp)
-        return heard, stamps
+        for child, of_child in stamps().items():
+            self.assertEqual(len(of_child), len(set(of_child)), child)
+        return heard, stamps()
 
     def test_a_robots_own_bag(self):
         """The answers of the node that ran then are not played again, all else is."""
@@ -205,10 +212,7 @@ class Launches(LaunchRunner):
         heard, stamps = self.play_and_listen()
         for topic in ("/odometry", "/dead_reckoning/odometry"):
             self.assertEqual({"imu_link"}, {m.child_frame_id for m in heard[topic]})
-        self.assertEqual({"odom": 61, "imu_link": 61, "wheel": 61, "marker": 61},
-                         {child: len(set(of_child)) for child, of_child in stamps.items()})
-        for child, of_child in stamps.items():
-            self.assertEqual(len(of_child), len(set(of_child)), child)
+        self.assertEqual({"odom", "imu_link", "wheel", "marker"}, set(stamps))
 
     def test_a_robots_own_bag_with_a_base(self):
         """The base's transform is the node's too; the correction of another localisation stays."""
@@ -218,8 +222,7 @@ class Launches(LaunchRunner):
             bag.write("/tf_static", base, rospy.Time(1000))
         heard, stamps = self.play_and_listen("base_frame:=base_link", "publish_map_tf:=false")
         self.assertEqual({"base_link"}, {m.child_frame_id for m in heard["/dead_reckoning/odometry"]})
-        self.assertEqual({"odom": 61, "base_link": 61, "wheel": 61}, {child: len(s) for child, s in stamps.items()})
-        self.assertEqual(61, len(set(stamps["base_link"])))
+        self.assertEqual({"odom", "base_link", "wheel"}, set(stamps))
         moved = [t.transform.translation.y for m in heard["/tf"] for t in m.transforms if t.child_frame_id == "base_link"]
         self.assertGreater(max(moved), 3.0)  # those of the bag are the identity
 

@@ -136,7 +136,7 @@ class Live(unittest.TestCase):
         self.assertEqual(len(marker.points), len(marker.colors))
         cloud = self.first_drive["landmark_cloud"][-1]
         self.assertEqual(len(marker.points), cloud.width)
-        self.assertEqual(["x", "y", "z", "sigma", "id", "id_high"], [field.name for field in cloud.fields])
+        self.assertEqual(["x", "y", "z", "sigma", "id", "id_high", "log10_sigma"], [field.name for field in cloud.fields])
         names = {status.name.split(": ")[-1] for m in self.first_drive["/diagnostics"] for status in m.status}
         self.assertTrue({"inputs", "calibration", "estimator", "dropped"} <= names, names)
         keys = {value.key for m in self.first_drive["/diagnostics"] for status in m.status for value in status.values}

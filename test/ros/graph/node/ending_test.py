@@ -4,13 +4,10 @@
 import os
 import signal
 import sys
-import time
 
-import rospy
 import rostest
-from nav_msgs.msg import Odometry
+from diagnostic_msgs.msg import DiagnosticArray
 
-import drive_data
 from node_runner import START, NodeRunner, bound_files
 
 
@@ -21,7 +18,7 @@ class Ending(NodeRunner):
 
     def start(self, autosave_period):
         """The node, saving that often (s)."""
-        return self.start_node(output_dir=self.output, autosave_period=autosave_period)
+        return self.start_node(output_dir=self.output, autosave_period=autosave_period, diagnostic_period=0.1)
 
     def poses(self):
         """Lines of the saved trajectory; none without a file."""
@@ -35,19 +32,14 @@ class Ending(NodeRunner):
         return len(lines.splitlines())
 
     def play_and_hear(self):
-        """Plays 3 s; all but the last frame, which the node may hold back, is answered then."""
-        odometry = []
-        listener = rospy.Subscriber("odometry", Odometry, odometry.append, queue_size=1000)
-        self.wait_for(lambda: listener.get_num_connections() > 0)
+        """Plays 3 s; all of it is answered then."""
         self.play(0.0, 3.0)
-        self.wait_for(lambda: odometry and odometry[-1].header.stamp.to_sec() >= START + 2.9)
-        listener.unregister()
+        self.answered(START + 3.0)
 
     def check_signal(self, number):
         """All that was published before the signal is saved, whole files only."""
         node = self.start(0)
         self.play_and_hear()
-        time.sleep(1.0)  # the last frame is on its way to the node
         self.assertEqual(0, self.poses())
         node.send_signal(number)
         self.assertEqual(0, node.wait(20))
@@ -72,7 +64,7 @@ class Ending(NodeRunner):
         """What was computed a period before is there, and whole."""
         node = self.start(0.5)
         self.play_and_hear()
-        time.sleep(2.5)  # the period, and the s in which the node looks after such things
+        self.wait_for(lambda: self.poses() >= 30 and os.path.exists(os.path.join(self.output, "summary.yaml")))
         self.play(3.1, 3.5)
         node.kill()
         node.wait(20)
@@ -91,8 +83,9 @@ class Ending(NodeRunner):
         with open(os.path.join(self.output, "trajectory.tum"), "w", encoding="ascii") as file:
             file.write("of an earlier run")
         for folder in (self.output, os.path.join(self.output, "new", "run")):
-            node = self.start_node(output_dir=folder, autosave_period=0.1)
-            time.sleep(1.5)  # longer than the s in which the node looks after such things
+            reports = self.listen("/diagnostics", DiagnosticArray)
+            node = self.start_node(output_dir=folder, autosave_period=0.1, diagnostic_period=0.1)
+            self.wait_for(lambda: len(reports) > 4)  # by the last it has looked at least twice whether a save is due
             node.send_signal(signal.SIGINT)
             self.assertEqual(0, node.wait(20))
         self.assertEqual(["trajectory.tum"], os.listdir(self.output))

@@ -14,11 +14,11 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from roslib.packages import find_node
 from rosgraph_msgs.msg import Log
-from std_srvs.srv import Empty
+from std_srvs.srv import Empty, Trigger
 from tf2_msgs.msg import TFMessage
 
 import drive_data
-from node_runner import START, NodeRunner
+from node_runner import START, WITHOUT_SLIP, NodeRunner
 
 URDF = """<robot name="cart"><link name="base_link"/><link name="imu_link"/><link name="left_camera_optical"/>
 <joint name="imu" type="fixed"><parent link="base_link"/><child link="imu_link"/>
@@ -57,21 +57,19 @@ class Frames(NodeRunner):
 
     def setUp(self):
         super().setUp()
-        self.dynamic, self.static, self.odometry, self.reckoned, self.warnings = [], [], [], [], []
-        for topic, kind, heard in (("/tf", TFMessage, self.dynamic), ("odometry", Odometry, self.odometry),
-                                   ("dead_reckoning/odometry", Odometry, self.reckoned)):
-            self.listen(topic, kind, heard.append)
-        self.listen("/rosout", Log, lambda m: self.warnings.append(m.msg) if m.level >= Log.WARN else None)
-
-    def listen(self, topic, kind, callback):
-        """For the test."""
-        self.addCleanup(rospy.Subscriber(topic, kind, callback, queue_size=10000).unregister)
+        self.dynamic = self.listen("/tf", TFMessage)
+        self.reckoned = self.listen("dead_reckoning/odometry", Odometry)
+        self.said = self.listen("/rosout", Log)
 
     def start_node(self, **parameters):
         """Told that the tracks of this drive do not slip."""
-        node = super().start_node(invariant={"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}, **parameters)
-        self.listen("/tf_static", TFMessage, self.static.append)  # not before: it would be taken for the node's
+        node = super().start_node(invariant=WITHOUT_SLIP, **parameters)
+        self.static = self.listen("/tf_static", TFMessage)  # not before: it would be taken for the node's
         return node
+
+    def warned(self, *words):
+        """Waits for a warning with all of them."""
+        self.wait_for(lambda: any(m.level >= Log.WARN and all(word in m.msg for word in words) for m in self.said))
 
     def run_program(self, package, program):
         """Beside the node, to its end."""
@@ -96,9 +94,14 @@ class Frames(NodeRunner):
                 each(stamp)
             time.sleep(0.02 if topic == "features" else 0.0)
 
-    def answered(self, stamp):
-        """Odometry has come to this time (s)."""
-        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
+    def corrected(self):
+        """Stamps of map -> odom."""
+        return {t.header.stamp for m in self.dynamic for t in m.transforms if t.header.frame_id == "map"}
+
+    def check_tree(self, expected):
+        """The tree, once all its frames were heard."""
+        self.wait_for(lambda: {t.child_frame_id for m in self.dynamic + self.static for t in m.transforms} == set(expected))
+        self.assertEqual(expected, self.tree())
 
     def tree(self):
         """{child: parent}, what view_frames draws; fails unless each has one, and all have one root."""
@@ -122,17 +125,15 @@ class Frames(NodeRunner):
 
     def check_chain(self, tolerance=1e-6):
         """map -> ... -> the frame of the odometry is its pose at each stamp that has a map -> odom."""
-        buffer = self.buffer()
-        corrected = {t.header.stamp for m in self.dynamic for t in m.transforms if t.header.frame_id == "map"}
-        checked = 0
-        for message in self.odometry:
+        odometry = list(self.odometry)
+        self.wait_for(lambda: len(self.corrected() & {m.header.stamp for m in odometry}) > 30)
+        corrected, buffer = self.corrected(), self.buffer()
+        for message in odometry:
             if message.header.stamp not in corrected:
                 continue
             found = buffer.lookup_transform_core("map", message.child_frame_id, message.header.stamp).transform
             np.testing.assert_allclose(drive_data.matrix(found.translation, found.rotation), pose_of(message),
                                        atol=tolerance)
-            checked += 1
-        self.assertGreater(checked, 30)
 
     def check_base(self):
         """The odometry is of the base, in a map that begins where the base began, and its twist is the base's."""
@@ -153,15 +154,12 @@ class Frames(NodeRunner):
         self.start_node()
         self.drive(0.0, 4.0, described=False)
         self.answered(START + 3.7)
-        time.sleep(0.5)
-        self.assertEqual({"odom": "map", "imu_link": "odom", drive_data.LEFT: "imu_link"}, self.tree())
+        self.check_tree({"odom": "map", "imu_link": "odom", drive_data.LEFT: "imu_link"})
         self.check_chain()
 
     def check_tree_with_base(self):
         """One chain over base_link, whoever publishes odom -> base_link, and poses of that."""
-        time.sleep(0.5)
-        self.assertEqual({"odom": "map", drive_data.BASE: "odom", "imu_link": drive_data.BASE,
-                          drive_data.LEFT: "imu_link"}, self.tree())
+        self.check_tree({"odom": "map", drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"})
         self.check_chain()
         self.check_base()
 
@@ -179,8 +177,8 @@ class Frames(NodeRunner):
         self.start_node()
         self.drive(0.0, 4.0)
         self.answered(START + 3.7)
-        self.wait_for(lambda: any("base_frame" in w and "'base_link'" in w for w in self.warnings))
-        self.assertEqual({"imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"}, self.tree())
+        self.warned("base_frame", "'base_link'")
+        self.check_tree({"imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"})
 
     def test_with_foreign_odometry(self):
         """map -> odom makes up for what the other odometry is off by, whatever it is, at its own stamps."""
@@ -196,13 +194,14 @@ class Frames(NodeRunner):
         self.describe_robot()
         self.start_node(ros={"base_frame": drive_data.BASE})
         self.tf.publish(foreign_transform(rospy.Time.from_sec(START)))
-        time.sleep(0.5)
+        self.wait_for(lambda: self.dynamic)  # it is sent, and an answer of the node says that the node has read it
+        rospy.ServiceProxy("/%s/save_trajectory" % self.name, Trigger)()
         self.drive(0.0, 4.0, each=lambda stamp: self.tf.publish(foreign_transform(stamp)))
         self.answered(START + 3.7)
-        self.wait_for(lambda: any("publish_odom_tf" in w and "'odom' -> 'base_link'" in w for w in self.warnings))
+        self.warned("publish_odom_tf", "'odom' -> 'base_link'")
         sent = [t.transform for m in self.dynamic for t in m.transforms if t.child_frame_id == drive_data.BASE]
         self.assertEqual(42, len(sent))  # the other's
-        self.assertEqual({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"}, self.tree())
+        self.check_tree({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"})
 
     def test_foreign_odometry_that_does_not_come_is_missed(self):
         """Loudly; nothing is made up in its place."""
@@ -213,8 +212,8 @@ class Frames(NodeRunner):
                 self.publishers[topic].publish(message)
                 time.sleep(0.002)
         self.answered(START + 3.7)
-        self.wait_for(lambda: any("publish_odom_tf is false" in w for w in self.warnings))
-        self.assertFalse([t for m in self.dynamic for t in m.transforms if t.header.frame_id == "map"])
+        self.warned("publish_odom_tf is false")
+        self.assertFalse(self.corrected())
 
     def test_as_odometry_for_another_localisation(self):
         """odom -> base_link alone, so that map -> odom is the other's."""
@@ -222,8 +221,7 @@ class Frames(NodeRunner):
         self.start_node(ros={"base_frame": drive_data.BASE, "publish_map_tf": False})
         self.drive(0.0, 3.0)
         self.answered(START + 2.7)
-        time.sleep(0.5)
-        self.assertEqual({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"}, self.tree())
+        self.check_tree({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"})
 
     def test_the_odometry_in_odom_never_jumps(self):
         """Not by corrections, and not by a reset, by which the one in map does; it is what /tf says of odom."""

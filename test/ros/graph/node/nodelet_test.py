@@ -5,13 +5,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import rosservice
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nav_msgs.msg import Odometry
 from roslib.packages import find_node
 
 from node_runner import START, NodeRunner, bound_files, patiently
@@ -26,10 +24,7 @@ class NodeletTest(NodeRunner):
 
     def setUp(self):
         super().setUp()
-        self.reports, self.odometry = [], []
-        for topic, kind, heard in (("/diagnostics", DiagnosticArray, self.reports), ("odometry", Odometry, self.odometry)):
-            listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
-            self.addCleanup(listener.unregister)
+        self.reports = self.listen("/diagnostics", DiagnosticArray)
 
     def start_process(self, *arguments, **options):
         """Its output comes to a file of its own."""
@@ -73,8 +68,7 @@ class NodeletTest(NodeRunner):
         """All that was published before it is saved, and it says so."""
         manager, _ = self.start_nodelet(output_dir=self.results(), autosave_period=0)
         self.play(0.0, 3.0)
-        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= START + 2.9)
-        time.sleep(1.0)  # the last frame is on its way
+        self.answered(START + 3.0)
         manager.send_signal(number)
         self.assertEqual(0, manager.wait(20))
         self.assertEqual(31, len(self.poses()))
@@ -105,19 +99,36 @@ class NodeletTest(NodeRunner):
         self.wait_for(self.statuses)
         self.assertEqual({self.name}, {status.name.split(": ")[0] for status in self.statuses()})
 
+    def check_failure_is_reported(self):
+        """In the nodelet's name."""
+        failed = [s for s in self.statuses() if s.level == DiagnosticStatus.ERROR and "the computing has ended" in s.message]
+        self.assertTrue(failed)
+        self.assertEqual({self.name}, {s.name.split(": ")[0] for s in failed})
+
     def test_a_fault_ends_the_nodelet_and_nothing_else(self):
         """Said in log and diagnostics; what loaded it ends too, so that roslaunch can start it again."""
         manager, loader = self.start_nodelet(bound_files, output_dir=self.results(), autosave_period=0)
         self.reckon_until(lambda: loader.poll() is not None)
         self.assertIn("the computing has ended", self.log(manager))
         self.assertIn("the nodelet ends", self.log(manager))
-        failed = [s for s in self.statuses() if s.level == DiagnosticStatus.ERROR and "the computing has ended" in s.message]
-        self.assertTrue(failed)
-        self.assertEqual({self.name}, {s.name.split(": ")[0] for s in failed})
+        self.check_failure_is_reported()
         self.assertIsNone(manager.poll())
         self.wait_for(lambda: "/%s/reset" % self.name not in rosservice.get_service_list())
         self.assertIn("/%s/load_nodelet" % MANAGER, rosservice.get_service_list())
         self.assertGreater(len(self.poses()), 255)  # what was computed until then
+
+    def test_a_fault_ends_a_standalone_nodelet(self):
+        """The process with it, as loudly."""
+        self.set_parameters(patiently({"output_dir": self.results(), "autosave_period": 0}))
+        self.wait_for(lambda: not any(p.get_num_connections() for p in self.publishers.values()))
+        alone = self.start_process(find_node("nodelet", "nodelet")[0], "standalone", "vi_ekf_slam/SlamNodelet",
+                                   "__name:=" + self.name, preexec_fn=bound_files)
+        self.wait_for(lambda: all(p.get_num_connections() > 0 for p in self.publishers.values()))
+        self.reckon_until(lambda: alone.poll() is not None)
+        self.assertIn("the computing has ended", self.log(alone))
+        self.assertIn("the nodelet ends", self.log(alone))
+        self.check_failure_is_reported()
+        self.assertGreater(len(self.poses()), 255)
 
 
 if __name__ == "__main__":

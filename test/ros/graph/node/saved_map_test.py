@@ -4,17 +4,16 @@
 import math
 import os
 import sys
-import time
 
 import rosbag
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Path
 from std_srvs.srv import Trigger
 
 import drive_data
-from node_runner import START, NodeRunner
+from node_runner import START, WITHOUT_SLIP, NodeRunner
 from vi_ekf_slam.srv import LoadMap, SaveMap
 from waiting import wait_for
 
@@ -37,20 +36,13 @@ class SavedMap(NodeRunner):
 
     def setUp(self):
         super().setUp()
-        self.odometry, self.paths, self.reports = [], [], []
-        for topic, kind, heard in (("odometry", Odometry, self.odometry), ("path", Path, self.paths),
-                                   ("/diagnostics", DiagnosticArray, self.reports)):
-            listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
-            self.addCleanup(listener.unregister)
+        self.paths = self.listen("path", Path)
+        self.reports = self.listen("/diagnostics", DiagnosticArray)
 
     def start_node(self, **parameters):
         """Told that the tracks of this drive do not slip."""
-        parameters.setdefault("invariant", {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0})
+        parameters.setdefault("invariant", WITHOUT_SLIP)
         return super().start_node(**parameters)
-
-    def answered(self, stamp):
-        """Waits for the odometry of this stamp (s); less than the buffer holds back at the end of a drive."""
-        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
 
     def wait_for_report(self, level, text):
         """Until the diagnostics say this of the map, from now on."""
@@ -82,6 +74,11 @@ class SavedMap(NodeRunner):
         with open(path, encoding="ascii") as file:
             return [float(line.split()[0]) for line in file]
 
+    def saved_at(self, name):
+        """When a file was written last (ns); 0 without it."""
+        path = os.path.join(self.output, name)
+        return os.stat(path).st_mtime_ns if os.path.exists(path) else 0
+
     def save_first_drive(self):
         """A node that has driven 8 s and saved its map, in output/first."""
         first = os.path.join(self.output, "first")
@@ -101,7 +98,7 @@ class SavedMap(NodeRunner):
 
     def test_a_killed_node_goes_on_from_its_last_autosave(self):
         """In the same frame, from the first pose on, and without a copy of what was computed before."""
-        parameters = {"output_dir": self.output, "autosave_period": 0.5, "resume": True}
+        parameters = {"output_dir": self.output, "autosave_period": 0.5, "resume": True, "diagnostic_period": 0.1}
         node = self.start_node(**parameters)
         self.play(0.0, 6.0)
         for service in ("save_map", "save_trajectory"):  # beside the autosaves
@@ -109,8 +106,8 @@ class SavedMap(NodeRunner):
             self.assertTrue(answer.success, answer.message)
         self.answered(START + 5.7)
         self.wait_for(lambda: self.stamps("trajectory.tum") and self.stamps("trajectory.tum")[-1] >= START + 5.7)
-        self.wait_for(lambda: os.path.exists(os.path.join(self.output, "map.bag")))
-        time.sleep(1.5)  # another one, so that the map is of then too
+        saved = self.saved_at("trajectory.tum")  # whose map comes after it
+        self.wait_for(lambda: self.saved_at("map.bag") > saved)
         self.play(6.1, 6.3)  # lost
         node.kill()
         node.wait(20)

@@ -9,10 +9,11 @@ import dynamic_reconfigure.client
 import rospy
 import rostest
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Path
+from rosgraph_msgs.msg import Log
 
 import drive_data
-from node_runner import START, NodeRunner
+from node_runner import START, WITHOUT_SLIP, NodeRunner
 from vi_ekf_slam.srv import LoadMap, SaveMap, SetPose
 
 
@@ -33,24 +34,18 @@ class ServicesTest(NodeRunner):
 
     def setUp(self):
         super().setUp()
-        self.odometry, self.paths = [], []
-        for topic, kind, heard in (("odometry", Odometry, self.odometry), ("path", Path, self.paths)):
-            listener = rospy.Subscriber(topic, kind, heard.append, queue_size=10000)
-            self.addCleanup(listener.unregister)
+        self.paths = self.listen("path", Path)
+        self.said = self.listen("/rosout", Log)
 
     def start_node(self, **parameters):
         """Told that the tracks of this drive do not slip."""
-        return super().start_node(invariant={"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}, **parameters)
+        return super().start_node(invariant=WITHOUT_SLIP, **parameters)
 
     def service(self, name, kind):
         """A private service."""
         name = "/%s/%s" % (self.name, name)
         rospy.wait_for_service(name, timeout=20.0)
         return rospy.ServiceProxy(name, kind)
-
-    def answered(self, stamp):
-        """Odometry has come to this time (s)."""
-        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
 
     def pose(self):
         """(x, y, yaw) of the last odometry."""
@@ -94,8 +89,9 @@ class ServicesTest(NodeRunner):
         self.assertAlmostEqual((drive_data.SPEED + drive_data.SPEED_ERROR) * elapsed, self.pose()[0], delta=0.4)
         publisher = rospy.Publisher("initialpose", PoseWithCovarianceStamped, queue_size=1)
         self.wait_for(lambda: publisher.get_num_connections() > 0)
+        before = len(self.said)
         publisher.publish(told(-20.0, 0.0, 0.0))
-        rospy.sleep(0.5)
+        self.wait_for(lambda: any("the pose is set" in m.msg for m in self.said[before:]))
         self.play(5.1, 6.0)
         self.answered(START + 5.7)
         self.assertLess(math.hypot(self.pose()[0] + 20.0, self.pose()[1]), 3.0)

@@ -65,6 +65,16 @@ class LaunchRunner(unittest.TestCase):
             process.send_signal(signal.SIGINT)
         return self.finish(process)
 
+    def read_until(self, process, word):
+        """What it says up to the line with this word."""
+        said = ""
+        while word not in said:
+            line = process.stdout.readline().decode(errors="replace")
+            if not line:
+                self.fail("roslaunch ends without %r: %s" % (word, said))
+            said += line
+        return said
+
     def finish(self, process):
         """Waits for its end. Returns what it has said."""
         if process.stdout.closed:

@@ -9,6 +9,7 @@ import time
 import unittest
 
 import rospy
+from nav_msgs.msg import Odometry
 
 import drive_data
 from waiting import wait_for
@@ -18,6 +19,8 @@ START = 1000.0
 LITTLE_ROOM = 400000
 # A busy machine may serve the connections far apart: that makes nothing late, and nothing is shed.
 PATIENT = {"buffer": {"max_delay_s": 2.0}, "ros": {"max_latency_s": 0.0}}
+# The tracks of the drive do not slip.
+WITHOUT_SLIP = {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}
 
 
 def bound_files():
@@ -32,7 +35,7 @@ def patiently(parameters):
 
 
 class NodeRunner(unittest.TestCase):
-    """Each test has a folder of its own, in `output`."""
+    """Each test has a folder of its own, in `output`, and hears the odometry."""
 
     name = "slam_node"  # of the node
 
@@ -45,6 +48,13 @@ class NodeRunner(unittest.TestCase):
     def setUp(self):
         self.output = tempfile.mkdtemp(prefix="vi_ekf_slam_%s_" % self.name)
         self.addCleanup(shutil.rmtree, self.output, ignore_errors=True)
+        self.odometry = self.listen("odometry", Odometry)
+
+    def listen(self, topic, kind):
+        """What is heard there until the test ends, as a list that grows."""
+        heard = []
+        self.addCleanup(rospy.Subscriber(topic, kind, heard.append, queue_size=10000).unregister)
+        return heard
 
     def set_parameters(self, parameters):
         """Only these are the node's."""
@@ -75,6 +85,10 @@ class NodeRunner(unittest.TestCase):
     def wait_for(self, condition, seconds=20.0):
         """Until `condition()`."""
         self.assertTrue(wait_for(condition, seconds), "in vain")
+
+    def answered(self, stamp):
+        """Waits for the odometry of this stamp (s)."""
+        self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
 
     def play(self, begin, end, start=START):
         """Publishes what lies between two times (s) of the drive, which began at `start`."""

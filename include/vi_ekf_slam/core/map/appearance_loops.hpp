@@ -1,0 +1,55 @@
+#pragma once
+
+#include <optional>
+#include <unordered_map>
+
+#include "vi_ekf_slam/core/map/appearance_index.hpp"
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
+#include "vi_ekf_slam/core/map/place_agreement.hpp"
+#include "vi_ekf_slam/core/observation/stereo_model.hpp"
+
+namespace vi_ekf_slam {
+
+/// Closes loops where ids do not return and landmarks have descriptors. A landmark in view is looked up among
+/// those long out of view that the pose's covariance allows. Matches that fit one rigid motion are a place;
+/// what several frames say, some way apart and by different landmarks, is fused, where the filter's own
+/// covariance agrees. The landmarks ahead are expected then, and recognised at their first sight. The work of
+/// a frame is bounded by counts, so that the result does not depend on timing.
+class AppearanceLoops {
+ public:
+  /// Floating-point operations that may be spent on settling, on the average of a second.
+  explicit AppearanceLoops(double operations_per_second);
+
+  /// Before a frame is associated: features of new tracks that look like landmarks which are expected in
+  /// view, and lie where these should be seen, are theirs from now on.
+  static void claim(const Filter& filter, LandmarkMap& map, const StereoModel& model,
+                    const StereoFrame& frame, const std::vector<std::size_t>& usable);
+
+  /// After a frame; `seconds` have passed since the last one. How many landmarks were found to be ones that
+  /// were seen before, by being compared.
+  std::size_t update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
+  void restart();
+
+ private:
+  /// What the look-up of a landmark in view said last.
+  struct LookUp {
+    std::size_t observations = 0; ///< of the landmark by then
+    std::optional<FeatureId> before;
+  };
+
+  std::optional<Recognition> place(const Filter& filter, const LandmarkMap& map);
+  std::size_t close(const Recognition& found, Filter& filter, LandmarkMap& map, const StereoModel& model,
+                    Stamp now);
+  void index(const Filter& filter, const LandmarkMap& map);
+  void lookUp(const Filter& filter, const LandmarkMap& map);
+  std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;
+
+  double per_second_;
+  double allowance_ = 0.0; ///< floating-point operations saved up
+  AppearanceIndex known_;
+  std::optional<Stamp> next_index_, next_attempt_;
+  std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view
+  PlaceAgreement agreement_;
+};
+
+} // namespace vi_ekf_slam

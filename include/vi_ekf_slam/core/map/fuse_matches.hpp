@@ -1,0 +1,20 @@
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "vi_ekf_slam/core/map/duplicates.hpp"
+#include "vi_ekf_slam/core/map/landmark_map.hpp"
+
+namespace vi_ekf_slam {
+
+/// Of landmarks that are said to be the same: the ids of the one that is active, and of the inactive one.
+using Matches = std::vector<std::pair<FeatureId, FeatureId>>;
+
+/// Reactivates the inactive ones, and those of `expected`, and fuses each pair where at least `least` agree
+/// (fuseDuplicates, within `sigma` m). Of a pair that is fused the active one stays, with what both were; all
+/// others are inactive again, and those of `expected` too where nothing was fused. What became of each pair.
+Fusion fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
+                   const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma);
+
+} // namespace vi_ekf_slam

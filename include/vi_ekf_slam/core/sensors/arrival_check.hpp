@@ -1,0 +1,36 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string>
+
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+
+namespace vi_ekf_slam {
+
+/// Looks whether the streams are stamped by one clock: what comes much later after its stamp than another
+/// stream does is late, or has another clock. Judged once, over the first seconds; check_rig.py says the same
+/// of a recording. The least delay counts, since queues only add.
+class ArrivalCheck {
+ public:
+  /// `limit`, s: that the buffer waits for what is late.
+  explicit ArrivalCheck(double limit) : limit_(limit) {}
+
+  /// A message of this stamp has been received at `received`, in the clock of the machine. Returns what is
+  /// wrong, once, when it is found; else empty.
+  std::string note(Stream stream, Stamp stamp, Stamp received);
+
+ private:
+  struct Delay {
+    std::size_t count = 0;
+    double least = 0.0; ///< s
+  };
+
+  double limit_;
+  std::array<Delay, kStreamCount> delays_;
+  std::optional<Stamp> begin_;
+  bool judged_ = false;
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "vi_ekf_slam/core/sensors/imu_noise.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+
+namespace vi_ekf_slam {
+
+/// What an IMU says of a time between two of its samples.
+struct ImuInterval {
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();         ///< mean, rad/s
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero(); ///< mean specific force, m/s^2
+  /// Spectral densities of the white noise of both, rad^2/s and m^2/s^3.
+  Eigen::Matrix3d rate_density = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d acceleration_density = Eigen::Matrix3d::Zero();
+};
+
+/// The IMU's last sample and the one that follows: its input between the two, which is taken as linear in
+/// time, and how far that can be wrong where they lie far apart, or where the body shakes more than the
+/// IMU's own noise and faster than it is sampled: that is measured by the fourth differences of the samples,
+/// which leave nothing of a motion that the samples follow (white noise of variance s^2 makes 70 s^2 of
+/// them).
+class ImuTrack {
+ public:
+  /// `noise_given`: whether the noise holds in place of what the messages say.
+  ImuTrack(const ImuNoise& noise, bool noise_given) : noise_(noise), noise_given_(noise_given) {}
+
+  /// The next sample is known before the estimate gets there.
+  void expect(const ImuSample& next) { next_ = next; }
+  /// The estimate has got to it.
+  void reach(const ImuSample& sample);
+  /// Over [from, to], which no sample but the last one and the next divides.
+  ImuInterval over(Stamp from, Stamp to) const;
+  /// The rate at a stamp, with the gyro's bias, rad/s; zero before the first sample.
+  Eigen::Vector3d rateAt(Stamp stamp) const;
+  /// 3x3 of the white noise of one sample of the gyro, (rad/s)^2; of the last one.
+  Eigen::Matrix3d gyroNoise(const ImuSample& sample) const;
+  Eigen::Matrix3d gyroNoise() const { return gyroNoise(last_.value_or(ImuSample())); }
+  /// s between samples.
+  double period() const { return period_; }
+
+ private:
+  struct Reading {
+    Eigen::Vector3d rate = Eigen::Vector3d::Zero(), acceleration = Eigen::Vector3d::Zero();
+  };
+  Reading at(Stamp stamp) const;
+  void noteDifferences(const ImuSample& sample);
+
+  ImuNoise noise_;
+  bool noise_given_;
+  std::optional<ImuSample> last_, next_;
+  double period_ = 0.0;
+  std::deque<Reading> recent_; ///< the last samples, regularly spaced
+  Reading shaking_;            ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second
+  double weight_ = 0.0;        ///< of how many samples
+};
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <optional>
+
+namespace vi_ekf_slam {
+
+/// What a point looked like where its track began, and where exactly that is in a later image. Flow from
+/// image to image adds up its errors; this does not. The patch may turn, shear, grow, and change brightness
+/// and contrast.
+class AnchorPatch {
+ public:
+  /// Takes x = shape xi + centre, for xi in the patch.
+  struct Warp {
+    Eigen::Vector2f centre; ///< px
+    Eigen::Matrix2f shape = Eigen::Matrix2f::Identity();
+  };
+
+  struct Fit {
+    Warp warp;
+    double correlation = 0.0; ///< normalised, of the patch and what lies there
+  };
+
+  /// Half of the patch's side, px, of the centres of its outermost pixels.
+  static constexpr int kHalf = 7;
+  static constexpr int kSide = 2 * kHalf + 1;
+  static constexpr int kPixels = kSide * kSide;
+
+  /// Nothing where the patch is not inside the image or has no contrast.
+  static std::optional<AnchorPatch> cut(const cv::Mat& image, const cv::Point2f& centre);
+
+  /// Gauss-Newton, inverse compositional (Baker and Matthews 2004), from `start`; nothing where it leaves the
+  /// image or does not converge.
+  std::optional<Fit> align(const cv::Mat& image, const Warp& start) const;
+
+ private:
+  // Filled up with zeros to a multiple of every vector register: Eigen then aligns them, and the order in
+  // which it sums, and so the last digit, does not depend on where in memory they are.
+  static constexpr int kPadded = (kPixels + 15) / 16 * 16;
+  using Pixels = Eigen::Matrix<float, kPadded, 1>;
+  using Jacobian = Eigen::Matrix<float, kPadded, 6>;
+
+  Pixels values_;     ///< mean 0, norm 1
+  float norm_ = 0.0f; ///< before
+  Jacobian J_;        ///< of (shift, shape) on values_, with what brightness and contrast explain taken out
+  Eigen::LLT<Eigen::Matrix<float, 6, 6>> information_;
+};
+
+} // namespace vi_ekf_slam

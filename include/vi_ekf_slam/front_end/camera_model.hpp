@@ -1,0 +1,52 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+namespace vi_ekf_slam {
+
+/// One camera: how the points of its images lie in the rectified image. Matrices and the coefficients' order
+/// are those of sensor_msgs/CameraInfo.
+class CameraModel {
+ public:
+  enum class Distortion { kPolynomial, kEquidistant };
+
+  struct Parameters {
+    cv::Size size; ///< px
+    Distortion distortion = Distortion::kPolynomial;
+    std::vector<double> D;              ///< 0, 4, 5 or 8 (plumb_bob, rational_polynomial), or 4 (equidistant)
+    cv::Matx33d K = cv::Matx33d::eye(); ///< px, of the raw image
+    cv::Matx33d R = cv::Matx33d::eye(); ///< rectified_R_raw
+    cv::Matx33d P = cv::Matx33d::eye(); ///< px, of the rectified image
+    bool images_are_rectified = false;  ///< what comes is the rectified image: D, K and R do not count
+  };
+
+  /// Throws std::invalid_argument, which names the value and what is allowed.
+  explicit CameraModel(const Parameters& parameters);
+
+  /// Pixels of the images that come -> pixels of the rectified image. A point that no pixel of the rectified
+  /// image shows comes out far outside of it.
+  std::vector<cv::Point2d> rectify(const std::vector<cv::Point2f>& pixels) const;
+  /// The way back. A point behind the camera, or beyond the field in which the distortion is one to one,
+  /// comes out far outside.
+  std::vector<cv::Point2f> unrectify(const std::vector<cv::Point2d>& rectified) const;
+
+  cv::Size size() const { return parameters_.size; }
+  bool imagesAreRectified() const { return parameters_.images_are_rectified; }
+  const Parameters& parameters() const { return parameters_; }
+
+  /// Whether a pixel lies in the image, `border` px within.
+  bool contains(const cv::Point2d& pixel, double border = 0.0) const;
+
+ private:
+  void setFieldOfView();
+
+  Parameters parameters_;
+  double max_tangent_ = 0.0; ///< of the angle from the axis, at the raw image's farthest corner
+};
+
+/// Whether a CameraInfo's D, R, K and P say that nothing is left to rectify.
+bool isRectified(const CameraModel::Parameters& parameters);
+
+} // namespace vi_ekf_slam

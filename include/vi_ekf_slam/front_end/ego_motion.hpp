@@ -1,0 +1,26 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "vi_ekf_slam/core/geometry/camera.hpp"
+
+namespace vi_ekf_slam {
+
+/// A point of the static world in the pair before, and where the left camera sees it now; rectified pixels.
+struct Displacement {
+  Eigen::Vector3d before; ///< m, in the rectified left camera of the pair before
+  Eigen::Vector2d now;    ///< px
+};
+
+/// The point behind a left pixel and its disparity, m; points at infinity are put far away.
+Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left, double disparity);
+
+/// now_T_before of the rectified left camera: Gauss-Newton on the pixels' distances, beginning at `guess`, in
+/// which those that do not fit lose their weight (Geman and McClure). Nothing where too few agree. It says
+/// where to look for tracks in the next image, and is not precise enough for more.
+std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
+                                  const SE3& guess);
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,121 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/front_end/anchor_patch.hpp"
+#include "vi_ekf_slam/front_end/corner_detector.hpp"
+#include "vi_ekf_slam/front_end/ego_motion.hpp"
+#include "vi_ekf_slam/front_end/gyro_rotation.hpp"
+#include "vi_ekf_slam/front_end/picture.hpp"
+#include "vi_ekf_slam/front_end/stereo_calibration.hpp"
+#include "vi_ekf_slam/front_end/stereo_matcher.hpp"
+
+namespace vi_ekf_slam {
+
+/// One exposure of the pair: 8 bit, one channel, of the calibration's size. They need not outlive the call.
+struct StereoImages {
+  Stamp stamp = 0;
+  cv::Mat left, right;
+};
+
+/// One point that is followed.
+struct Track {
+  FeatureId id = 0;
+  Stamp begin = 0;
+  cv::Point2f left;                ///< px, in the image that came
+  cv::Point2f left_before;         ///< px, in the image of the pair before
+  cv::Point2d left_rectified;      ///< px
+  cv::Point2f right;               ///< px, in the image that came; valid where matched
+  cv::Point2d right_rectified;     ///< px
+  std::optional<double> disparity; ///< px, of the last match
+  bool matched = false;            ///< in the last pair
+  int unmatched = 0;               ///< pairs in a row without a match
+  std::optional<AnchorPatch>
+      anchor; ///< what it looked like in the left image when it began, or since its looks changed
+  Eigen::Matrix2f shape = Eigen::Matrix2f::Identity(); ///< of the anchor in the last left image
+  double square_sum = 0.0, weight = 0.0;               ///< px^2 and count, of its row residuals
+};
+
+/// What the front end did with one pair.
+struct FrontEndReport {
+  PictureFault left = PictureFault::kNone, right = PictureFault::kNone;
+  bool stamp_refused = false;   ///< not later than the pair before: nothing was done
+  bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
+  bool exchanged = false;       ///< left and right look exchanged
+  bool without_texture = false; ///< hardly anything to follow in the left picture (blurred, or an empty wall)
+  bool rotation_known = false;  ///< the gyro predicted where the tracks went
+  std::size_t followed = 0;     ///< tracks that went on
+  std::size_t lost = 0;         ///< tracks that ended: not found again
+  std::size_t rejected = 0;     ///< tracks that ended: against the epipolar geometry of the others
+  std::size_t begun = 0;        ///< new tracks
+  std::size_t matched = 0;      ///< of all tracks, found in the right picture: the features that go out
+  double mean_life_s = 0.0;     ///< s, of the tracks that are alive
+  double brightness = 0.0;      ///< mean of the left picture, 0 to 255
+};
+
+/// What is wrong with the pair, in words; empty: nothing.
+std::string problemOf(const FrontEndReport& report);
+
+struct FrontEndOptions {
+  std::size_t features = 130; ///< tracks that are kept up
+};
+
+/// Follows corners through the left images of a stereo pair and finds each in the right one: images in,
+/// features with an id for life out. Deterministic: what comes out depends on images, samples and their
+/// stamps alone.
+class FrontEnd {
+ public:
+  FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& options);
+  FrontEnd(const FrontEnd&) = delete;
+  FrontEnd& operator=(const FrontEnd&) = delete;
+
+  /// cam_R_imu: turns directions of the IMU frame into those of the rectified left camera. Without it, or
+  /// without samples, tracks are looked for where they were.
+  void setImuRotation(const Eigen::Matrix3d& cam_R_imu) { cam_R_imu_ = cam_R_imu; }
+  void addImu(const ImuSample& sample) { gyro_.add(sample); }
+
+  /// The features of the pair, in rectified pixels; empty where a picture is of no use. Pairs come in the
+  /// order of their stamps.
+  StereoFrame process(const StereoImages& images);
+
+  /// Of the last pair.
+  const FrontEndReport& report() const { return report_; }
+  const std::vector<Track>& tracks() const { return tracks_; }
+  const StereoCalibration& calibration() const { return calibration_; }
+
+ private:
+  bool hasGap(Stamp stamp) const;
+  SE3 predictMotion(Stamp stamp);
+  std::vector<cv::Point2f> predict(const SE3& now_T_before) const;
+  void learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp);
+  void follow(const Picture& left, Stamp stamp);
+  void refine(const Picture& left);
+  void rejectOutliers(std::vector<Track>& before);
+  void beginTracks(const Picture& left, Stamp stamp);
+  void matchTracks(const Picture& left, const Picture& right);
+  StereoFrame features(const Picture& left, Stamp stamp) const;
+  void summarise(Stamp stamp);
+
+  StereoCalibration calibration_;
+  FrontEndOptions options_;
+  CornerDetector detector_;
+  StereoMatcher matcher_;
+  GyroRotation gyro_;
+  std::optional<Eigen::Matrix3d> cam_R_imu_;
+  std::optional<Picture> last_left_;
+  Stamp last_stamp_ = 0;   ///< of last_left_
+  Stamp newest_stamp_ = 0; ///< of any pair
+  Vector6d velocity_ =
+      Vector6d::Zero(); ///< m/s and rad/s of the rectified left camera, as now_T_before has it
+  bool exchanged_ = false;
+  FeatureId next_id_ = 1;
+  std::vector<Track> tracks_;
+  FrontEndReport report_;
+};
+
+} // namespace vi_ekf_slam

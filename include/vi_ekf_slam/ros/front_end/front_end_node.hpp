@@ -1,0 +1,59 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <image_transport/subscriber.h>
+#include <ros/ros.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "vi_ekf_slam/ros/front_end/front_end_diagnostics.hpp"
+#include "vi_ekf_slam/ros/front_end/image_intake.hpp"
+#include "vi_ekf_slam/ros/node/work_queue.hpp"
+
+namespace vi_ekf_slam {
+
+/// Connects the topics of images to ImageIntake and sends the features; the same for the node and the
+/// nodelet.
+///
+/// Callbacks only put messages into a queue; one thread decodes, computes and publishes. While it is busy,
+/// pairs wait; of those that are there when it is done, the newest is taken and the others are shed, unless
+/// ros/max_latency_s is 0.
+class FrontEndNode {
+ public:
+  /// Throws ConfigError: the node must not start then.
+  FrontEndNode(ros::NodeHandle nh, ros::NodeHandle private_nh);
+  ~FrontEndNode();
+  FrontEndNode(const FrontEndNode&) = delete;
+  FrontEndNode& operator=(const FrontEndNode&) = delete;
+
+ private:
+  InputTopics resolvedTopics() const;
+  void subscribe(const std::string& transport);
+  template <typename Message>
+  void listen(const std::string& topic, void (ImageIntake::*add)(const Message&));
+  void run();
+  void work();
+  void publish(const StereoFeatureArray& features);
+  void draw(const StereoImages& images, const FrontEnd& front_end);
+  void report();
+
+  ros::NodeHandle nh_;
+  FullConfig config_;
+  ImageIntake intake_;
+  image_transport::ImageTransport transport_;
+  image_transport::Publisher drawings_;
+  ros::Publisher features_;
+  FrontEndDiagnostics diagnostics_;
+  std::map<std::string, std::uint64_t> warned_;
+  WorkQueue::Clock::time_point last_report_ = WorkQueue::Clock::now(), last_warning_ = last_report_;
+  WorkQueue queue_{{0.0, 100000}};
+  std::vector<ros::Subscriber> subscribers_;
+  std::vector<image_transport::Subscriber> images_;
+  std::thread worker_;
+};
+
+} // namespace vi_ekf_slam

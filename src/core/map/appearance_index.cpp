@@ -1,0 +1,22 @@
+#include "vi_ekf_slam/core/map/appearance_index.hpp"
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// Of the bits of the next one elsewhere (Lowe 2004 for distances): what looks alike in two places tells none.
+constexpr double kRatio = 0.8;
+constexpr double kIndexGate = 11.345; // chi-square, 3 degrees of freedom, 99 %
+
+} // namespace
+
+bool mayBeSame(const Eigen::Vector3d& d, const Eigen::Matrix3d& covariance) {
+  return squaredMahalanobis(d, covariance) < kIndexGate;
+}
+
+// Two that have nothing in common differ by 128 bits, with a standard deviation of 8: of 10^6 comparisons
+// none comes as near as kMostBits by chance.
+bool MostAlike::isClear() const { return bits <= kMostBits && bits < kRatio * next_bits; }
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,253 @@
+#include "vi_ekf_slam/core/map/appearance_loops.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
+#include "vi_ekf_slam/core/map/points.hpp"
+#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kBetweenIndices = 1.0;  // s
+constexpr double kBetweenAttempts = 0.2; // s
+constexpr double kMostSaved = 10.0;      // s of operations
+// How often the view must have changed since a landmark was in it: before, the tracks themselves connect
+// them.
+constexpr std::uint64_t kViewsBefore = 3;
+constexpr std::size_t kObservations = 3; // of a landmark in view, for its place to be known
+constexpr std::size_t kMostLookUps = 12; // in a frame: with 10,000 landmarks in reach 2.5 ms
+constexpr std::size_t kLeastMatches = 5; // of a place
+constexpr std::size_t kFewExpected = 20; // landmarks of the map ahead, before more of them are
+constexpr double kShare = 0.4;           // of the matches, that agree
+constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
+// A front end finds a corner elsewhere another time: half a pixel of 700 at 30 m, 20 mm, and what the light
+// does.
+constexpr double kCornerSigma = 0.05; // m
+constexpr double kGate2 = 11.345;     // chi-square, 3 degrees of freedom, 99 %
+// What must agree before a place is believed.
+constexpr int kAttempts = 3;
+constexpr std::size_t kOthers = 3; // landmarks that the first attempt did not have
+constexpr double kWay = 0.15;      // of the landmarks' distance, between the first and the last
+
+/// What a landmark in view may be, by its covariance, which has the pose's in it.
+class Reach {
+ public:
+  Reach(const Filter& filter, Handle landmark)
+      : at_(filter.variables().point(landmark)),
+        S_(filter.worldCovariance(landmark) + isotropic(kCornerSigma)),
+        within2_(kGate2 * S_.trace()) {}
+  bool allows(const KnownLook& known) const {
+    const Eigen::Vector3d d = known.position - at_;
+    // The largest eigenvalue of a sum is at most the sum of the traces.
+    if (d.squaredNorm() > within2_ + kGate2 * known.covariance.trace()) return false;
+    return squaredMahalanobis(d, S_ + known.covariance) < kGate2;
+  }
+
+ private:
+  Eigen::Vector3d at_;
+  Eigen::Matrix3d S_;
+  double within2_;
+};
+
+bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
+  return !landmark.descriptors.isEmpty() && landmark.observations >= kObservations && !landmark.in_map &&
+         !landmark.reactivated && !landmark.suspect && !map.isInactive(landmark.id);
+}
+
+/// Landmarks that should come into view, and could be told by what they look like.
+std::vector<FeatureId> expectedIn(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
+  const auto active = map.indexById();
+  std::vector<FeatureId> expected;
+  for (const FeatureId id : soonInView(filter, map, model)) {
+    const Landmark& landmark = map.inactive(map.inactiveVariable(id));
+    if (!active.count(id) && !landmark.descriptors.isEmpty()) expected.push_back(id);
+  }
+  return expected;
+}
+
+/// Whether the vehicle is where it was before, by what is in view, and hardly anything is expected any more.
+bool follows(const LandmarkMap& map, Stamp now) {
+  const auto& active = map.active();
+  const auto is_again = [now](const Landmark& l) {
+    return l.in_map && !l.reactivated && l.last_seen == now && !l.descriptors.isEmpty();
+  };
+  const auto again = std::count_if(active.begin(), active.end(), is_again);
+  const auto expected =
+      std::count_if(active.begin(), active.end(), [](const Landmark& l) { return l.reactivated; });
+  return static_cast<std::size_t>(again) >= kLeastMatches &&
+         static_cast<std::size_t>(expected) < kFewExpected;
+}
+
+} // namespace
+
+AppearanceLoops::AppearanceLoops(double operations_per_second)
+    : per_second_(operations_per_second), agreement_(kAttempts, kOthers) {}
+
+void AppearanceLoops::restart() {
+  look_ups_.clear();
+  agreement_.restart();
+  known_ = AppearanceIndex();
+  next_index_.reset();
+}
+
+void AppearanceLoops::claim(const Filter& filter, LandmarkMap& map, const StereoModel& model,
+                            const StereoFrame& frame, const std::vector<std::size_t>& usable) {
+  std::vector<std::size_t> expected;
+  for (std::size_t i = 0; i < map.active().size(); ++i) {
+    if (map.active()[i].reactivated && !map.active()[i].descriptors.isEmpty()) expected.push_back(i);
+  }
+  if (expected.empty()) return;
+  const auto tracked = map.indexById();
+  for (const std::size_t feature : usable) {
+    const StereoFeatureObservation& f = frame.features[feature];
+    if (!f.descriptor || tracked.count(f.id) || map.isInactive(f.id)) continue;
+    DescriptorSet look;
+    look.add(*f.descriptor);
+    MostAlike best;
+    for (const std::size_t i : expected) {
+      Landmark& landmark = map.active(i);
+      const int bits = distance(look, landmark.descriptors);
+      if (!landmark.reactivated || bits > MostAlike::kMostBits) continue;
+      auto measurement = model.observe(filter, landmark.variable, f.pixels, f.sigma);
+      if (!measurement) continue;
+      Innovation in(filter.covariance(), {std::move(*measurement)});
+      if (!(in.nisOf(0) < kGate2)) continue;
+      best.offer(i, bits, [&] {
+        const Handle a = landmark.variable, b = map.active()[best.first].variable;
+        return mayBeSame(filter.variables().point(a) - filter.variables().point(b),
+                         filter.covariance(a) + filter.covariance(b));
+      });
+    }
+    if (!best.isClear()) continue;
+    map.active(best.first).id = f.id;
+    expected.erase(std::find(expected.begin(), expected.end(), best.first));
+  }
+}
+
+std::size_t AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                    double seconds) {
+  if (filter.inactive().isEmpty()) return 0;
+  const double cost = filter.inactive().settlingCost();
+  allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
+  if (!next_index_ || now >= *next_index_) {
+    next_index_ = now + fromSeconds(kBetweenIndices);
+    index(filter, map);
+  }
+  if (known_.isEmpty()) return 0;
+  lookUp(filter, map);
+  if (allowance_ < cost || (next_attempt_ && now < *next_attempt_)) return 0;
+  next_attempt_ = now + fromSeconds(kBetweenAttempts);
+  if (const auto found = place(filter, map)) {
+    allowance_ -= cost;
+    return close(*found, filter, map, model, now);
+  }
+  if (!follows(map, now)) return 0;
+  const std::vector<FeatureId> expected = expectedIn(filter, map, model);
+  if (!expected.empty()) allowance_ -= cost;
+  map.reactivate(filter, expected, now);
+  return 0;
+}
+
+/// What is recognised and was before, some way back.
+std::optional<Recognition> AppearanceLoops::place(const Filter& filter, const LandmarkMap& map) {
+  auto found = recognise(filter, map);
+  if (!found) return std::nullopt;
+  const auto landmarks = map.indexById();
+  const Eigen::Vector3d about = filter.pose().translation();
+  std::vector<Eigen::Vector3d> ways;
+  for (const auto& [is_now, was] : found->matches)
+    ways.push_back(filter.variables().point(map.active()[landmarks.at(is_now)].variable) - about);
+  return agreement_.confirms(*found, about, kWay * centreOf(ways).norm()) ? found : std::nullopt;
+}
+
+std::size_t AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map,
+                                   const StereoModel& model, Stamp now) {
+  const Fusion fusion = fuseMatches(filter, map, found.matches, expectedIn(filter, map, model), now,
+                                    kLeastMatches, kCornerSigma);
+  for (const auto& [is_now, was] : found.matches) look_ups_.erase(is_now);
+  return fusion.count();
+}
+
+/// What is long out of view, as it is known now.
+void AppearanceLoops::index(const Filter& filter, const LandmarkMap& map) {
+  const bool wanted = std::any_of(map.active().begin(), map.active().end(),
+                                  [&map](const Landmark& l) { return mayReturn(l, map); });
+  std::vector<KnownLook> known;
+  if (wanted) {
+    const auto active = map.indexById();
+    for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
+      const Landmark& landmark = map.inactive(e.variable.handle);
+      // Those that have a saved map's new ids have not been seen since: then they would have a track's.
+      const bool is_of_before =
+          landmark.id >= LandmarkMap::kRenumbered ||
+          filter.inactive().deactivatedSince(e.variable.handle) > kViewsBefore * map.active().size();
+      if (!is_of_before || landmark.descriptors.isEmpty() || active.count(landmark.id)) continue;
+      known.push_back({landmark.id, e.variable.mean, e.covariance, landmark.descriptors});
+    }
+  }
+  known_ = AppearanceIndex(std::move(known));
+}
+
+/// Of those in view the ones first that have not been looked up, and again when twice as much has been seen.
+void AppearanceLoops::lookUp(const Filter& filter, const LandmarkMap& map) {
+  std::unordered_map<FeatureId, LookUp> in_view;
+  std::size_t done = 0;
+  for (const Landmark& landmark : map.active()) {
+    if (!mayReturn(landmark, map)) continue;
+    const auto last = look_ups_.find(landmark.id);
+    LookUp& look_up = in_view[landmark.id];
+    if (last != look_ups_.end()) look_up = last->second;
+    if (look_up.observations * 2 > landmark.observations || done == kMostLookUps) continue;
+    ++done;
+    const Reach reach(filter, landmark.variable);
+    const auto found =
+        known_.find(landmark.descriptors, [&reach](const KnownLook& known) { return reach.allows(known); });
+    look_up = {landmark.observations, std::nullopt};
+    if (found) look_up.before = known_[*found].id;
+  }
+  look_ups_.swap(in_view);
+}
+
+/// The matches on which most agree, as one rigid motion.
+std::optional<Recognition> AppearanceLoops::recognise(const Filter& filter, const LandmarkMap& map) const {
+  std::unordered_map<FeatureId, const KnownLook*> known;
+  for (std::size_t i = 0; i < known_.size(); ++i) known.emplace(known_[i].id, &known_[i]);
+  std::unordered_map<FeatureId, int> claims; // two landmarks in view cannot be one
+  for (const auto& [id, look_up] : look_ups_) {
+    if (look_up.before) ++claims[*look_up.before];
+  }
+  Matches matches;
+  std::vector<Displaced> points;
+  for (const Landmark& landmark : map.active()) {
+    const auto look_up = look_ups_.find(landmark.id);
+    if (look_up == look_ups_.end() || !look_up->second.before) continue;
+    const FeatureId before = *look_up->second.before;
+    const auto found = known.find(before);
+    if (found == known.end() || claims[before] > 1 || !map.isInactive(before)) continue;
+    matches.emplace_back(landmark.id, before);
+    // Its error beside the pose's, and as much of what was seen before.
+    points.push_back({found->second->position, filter.variables().point(landmark.variable),
+                      2.0 * filter.covariance(landmark.variable) + isotropic(kCornerSigma)});
+  }
+  if (matches.size() < kLeastMatches) return std::nullopt;
+  const auto motion = commonMotion(points, kShare);
+  if (!motion) return std::nullopt;
+  Recognition recognition{*motion, {}};
+  std::vector<Eigen::Vector3d> positions;
+  double distance = 0.0;
+  for (const std::size_t i : agreeing(points, *motion)) {
+    recognition.matches.push_back(matches[i]);
+    positions.push_back(points[i].seen);
+    distance += (points[i].seen - filter.pose().translation()).norm();
+  }
+  const auto count = static_cast<double>(positions.size());
+  if (positions.size() < kLeastMatches || widthOf(positions) < kLeastWidth * distance / count)
+    return std::nullopt;
+  return recognition;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,45 @@
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
+
+#include <algorithm>
+
+namespace vi_ekf_slam {
+
+Fusion fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
+                   const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma) {
+  const auto index = map.indexById();
+  const std::size_t first = map.active().size(), pairs = matches.size();
+  std::vector<FeatureId> ids;
+  for (const auto& [is_now, was] : matches) ids.push_back(was);
+  const auto is_matched = [&matches](FeatureId id) {
+    return std::any_of(matches.begin(), matches.end(), [id](const auto& m) { return m.second == id; });
+  };
+  for (const FeatureId id : expected) {
+    if (!is_matched(id)) ids.push_back(id);
+  }
+  map.reactivate(filter, ids, now);
+  std::vector<Duplicate> duplicates;
+  for (std::size_t i = 0; i < pairs; ++i) {
+    duplicates.push_back(
+        {map.active()[index.at(matches[i].first)].variable, map.active()[first + i].variable});
+  }
+  Fusion fusion = fuseDuplicates(filter, duplicates, least, sigma);
+  // From behind: whoever takes a place comes from behind it.
+  for (std::size_t i = ids.size(); i-- > pairs;) {
+    if (fusion.count() == 0) map.deactivate(filter, first + i);
+  }
+  for (std::size_t i = pairs; i-- > 0;) {
+    if (!fusion.fused[i]) {
+      map.deactivate(filter, first + i);
+      continue;
+    }
+    const Landmark& before = map.active()[first + i];
+    Landmark& landmark = map.active(index.at(matches[i].first));
+    landmark.observations += before.observations;
+    landmark.descriptors.add(before.descriptors);
+    landmark.in_map = true;
+    map.discard(filter, first + i);
+  }
+  return fusion;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,94 @@
+#include "vi_ekf_slam/core/sensors/imu_track.hpp"
+
+#include <algorithm>
+
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// s; no IMU is as slow. What comes after it is a gap, in which rate and acceleration do what they like:
+constexpr double kLongestPeriod = 0.15;
+constexpr double kRateWalk = 1.0;          // rad/s^1.5, of a vehicle or a hand that is not seen
+constexpr double kAccelerationWalk = 10.0; // m/s^2.5
+constexpr double kMemory = 1.0;            // s, of how much the body shakes
+constexpr double kLeastDifferences = 5.0;  // to say so
+constexpr double kClearly = 2.0;           // times the noise that is stated; less is chance
+constexpr double kUsualPeriod = 0.01;      // s, before two samples have told
+
+} // namespace
+
+void ImuTrack::reach(const ImuSample& sample) {
+  if (last_ && sample.stamp > last_->stamp)
+    period_ = std::min(secondsBetween(last_->stamp, sample.stamp), kLongestPeriod);
+  noteDifferences(sample);
+  last_ = sample;
+  next_.reset();
+}
+
+void ImuTrack::noteDifferences(const ImuSample& sample) {
+  const double since = last_ ? secondsBetween(last_->stamp, sample.stamp) : 0.0;
+  if (since <= 0.0 || since > kLongestPeriod) recent_.clear();
+  recent_.push_back({sample.angular_velocity, sample.acceleration.value_or(Eigen::Vector3d::Zero())});
+  if (recent_.size() < 5) return;
+  const auto variance = [this](auto member) -> Eigen::Vector3d {
+    const Eigen::Vector3d fourth = recent_[0].*member - 4.0 * recent_[1].*member + 6.0 * recent_[2].*member -
+                                   4.0 * recent_[3].*member + recent_[4].*member;
+    return fourth.cwiseAbs2() / 70.0;
+  };
+  weight_ = std::min(weight_ + 1.0, std::max(kMemory / since, 5.0));
+  shaking_.rate += (variance(&Reading::rate) - shaking_.rate) / weight_;
+  shaking_.acceleration += (variance(&Reading::acceleration) - shaking_.acceleration) / weight_;
+  recent_.pop_front();
+}
+
+ImuTrack::Reading ImuTrack::at(Stamp stamp) const {
+  const auto& one = last_ ? last_ : next_;
+  if (!one) return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  const Reading first{one->angular_velocity, one->acceleration.value_or(none)};
+  if (!last_ || !next_ || next_->stamp <= last_->stamp) return first;
+  const double s =
+      std::clamp(secondsBetween(last_->stamp, stamp) / secondsBetween(last_->stamp, next_->stamp), 0.0, 1.0);
+  return {(1.0 - s) * first.rate + s * next_->angular_velocity,
+          (1.0 - s) * first.acceleration + s * next_->acceleration.value_or(none)};
+}
+
+Eigen::Vector3d ImuTrack::rateAt(Stamp stamp) const { return at(stamp).rate; }
+
+Eigen::Matrix3d ImuTrack::gyroNoise(const ImuSample& sample) const {
+  if (!noise_given_ && sample.covariance) return *sample.covariance;
+  const double period = period_ > 0.0 ? period_ : kUsualPeriod;
+  return isotropic(noise_.gyro_density) / period;
+}
+
+/// A sample's noise holds for a period: its density is the covariance times that. In a gap of T s between two
+/// samples what walks ends where the second one is: over the gap it is off by walk^2 T^3 / 12; without a
+/// second one, T s after the last, it grows by walk^2 T^2.
+ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
+  const Reading a = at(from), b = at(to);
+  ImuInterval interval{0.5 * (a.rate + b.rate), 0.5 * (a.acceleration + b.acceleration),
+                       isotropic(noise_.gyro_density), isotropic(noise_.accelerometer_density)};
+  const double period = period_ > 0.0 ? period_ : kUsualPeriod;
+  if (!noise_given_ && last_ && last_->covariance) interval.rate_density = period * *last_->covariance;
+  if (!noise_given_ && last_ && last_->acceleration_covariance)
+    interval.acceleration_density = period * *last_->acceleration_covariance;
+  if (weight_ >= kLeastDifferences) {
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      const auto raise = [&](Eigen::Matrix3d& density, double variance) {
+        if (variance * period > kClearly * density(i, i)) density(i, i) = variance * period;
+      };
+      raise(interval.rate_density, shaking_.rate[i]);
+      raise(interval.acceleration_density, shaking_.acceleration[i]);
+    }
+  }
+  const double gap = !last_ ? kLongestPeriod : secondsBetween(last_->stamp, next_ ? next_->stamp : to);
+  if (gap > kLongestPeriod || !last_) {
+    const double growth = next_ ? gap * gap / 12.0 : gap * gap;
+    interval.rate_density += growth * isotropic(kRateWalk);
+    interval.acceleration_density += growth * isotropic(kAccelerationWalk);
+  }
+  return interval;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,53 @@
+#include "vi_ekf_slam/front_end/ego_motion.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr int kIterations = 8;
+constexpr double kScales[] = {8.0, 4.0, 2.0}; // px, of what counts as fitting, from coarse to fine
+constexpr std::size_t kFewest = 8;            // points that agree
+constexpr double kMinDepth = 0.1;             // m
+constexpr double kLeastDisparity = 0.1;       // px
+
+} // namespace
+
+Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left, double disparity) {
+  const double depth = camera.fu * camera.baseline / std::max(disparity, kLeastDisparity);
+  return {(left.x - camera.cu) / camera.fu * depth, (left.y - camera.cv) / camera.fv * depth, depth};
+}
+
+std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
+                                  const SE3& guess) {
+  SE3 motion = guess;
+  std::size_t agreeing = 0;
+  for (int k = 0; k < kIterations; ++k) {
+    const double scale =
+        kScales[std::min<std::size_t>(static_cast<std::size_t>(k) / 2, std::size(kScales) - 1)];
+    Matrix6d H = Matrix6d::Zero();
+    Vector6d b = Vector6d::Zero();
+    agreeing = 0;
+    for (const Displacement& d : displacements) {
+      const Eigen::Vector3d p = motion * d.before;
+      if (p.z() < kMinDepth) continue;
+      const Eigen::Vector2d residual = d.now - camera.project(p).head<2>();
+      const double share = scale * scale / (scale * scale + residual.squaredNorm());
+      if (residual.norm() < scale) ++agreeing;
+      const Eigen::Matrix<double, 2, 6> J = camera.projectJacobian(p).topRows<2>() * se3::pointJacobian(p);
+      H.noalias() += share * share * J.transpose() * J;
+      b.noalias() += share * share * J.transpose() * residual;
+    }
+    if (agreeing < kFewest) return std::nullopt;
+    H.diagonal().array() += 1e-9 * H.trace(); // translation along what no point shows
+    motion = SE3::Exp(H.ldlt().solve(b)) * motion;
+    if (!motion.matrix().allFinite()) return std::nullopt;
+  }
+  if (2 * agreeing < displacements.size()) return std::nullopt;
+  return motion.normalized();
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,281 @@
+#include "vi_ekf_slam/front_end/front_end.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+
+#include "vi_ekf_slam/front_end/descriptors.hpp"
+#include "vi_ekf_slam/front_end/flow.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kMaxGap = 0.5;                // s over which tracks are bridged
+constexpr double kJump = 1.0;                  // s back: time begins anew
+constexpr float kMaxFlowRoundTrip = 0.5f;      // px
+constexpr double kEpipolar = 1.0;              // px from the epipolar line
+constexpr std::size_t kMinForGeometry = 15;    // tracks; eight parameters fit fewer too easily
+constexpr int kMaxUnmatched = 5;               // pairs
+constexpr std::size_t kFewestForExchange = 10; // points
+constexpr std::size_t kLittleTexture = 10;     // tracks
+// px, RMS over the lives of tracks on recorded drives: a patch hides the shape of what it shows, and that
+// error stays much the same from image to image. A filter that takes the errors of two images as independent
+// is to be told of all of it (docs/front_end.md).
+constexpr double kLifeSigma = 0.8;
+// px, what is added of image to image before a track has shown its own, and how many residuals that is worth.
+constexpr double kPriorSigma = 0.25, kPriorWeight = 5.0, kMaxWeight = 20.0;
+
+constexpr double kMinAnchorCorrelation = 0.8;
+constexpr double kMaxCorrection = 1.5; // px
+
+template <typename Predicate>
+std::size_t removeTracks(std::vector<Track>& tracks, const Predicate& is_over) {
+  const std::size_t before = tracks.size();
+  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), is_over), tracks.end());
+  return before - tracks.size();
+}
+
+} // namespace
+
+std::string problemOf(const FrontEndReport& report) {
+  if (report.stamp_refused) return "its stamp is not later than that of the pair before";
+  if (report.left != PictureFault::kNone) return std::string("left picture: ") + describe(report.left);
+  if (report.right != PictureFault::kNone) return std::string("right picture: ") + describe(report.right);
+  if (report.exchanged) return "left and right look exchanged";
+  if (report.without_texture) return "hardly any texture: blurred, or an empty wall";
+  return {};
+}
+
+FrontEnd::FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& options)
+    : calibration_(calibration),
+      options_(options),
+      detector_(calibration.left.size(), options.features),
+      matcher_(calibration_) {}
+
+bool FrontEnd::hasGap(Stamp stamp) const { return secondsBetween(last_stamp_, stamp) > kMaxGap; }
+
+StereoFrame FrontEnd::process(const StereoImages& images) {
+  report_ = {};
+  const bool has_jumped = secondsBetween(images.stamp, newest_stamp_) > kJump;
+  if (images.stamp <= newest_stamp_ && !has_jumped) {
+    report_.stamp_refused = true;
+    return {images.stamp, {}};
+  }
+  newest_stamp_ = images.stamp;
+  const Picture left = makePicture(images.left, calibration_.left.size());
+  const Picture right = makePicture(images.right, calibration_.right.size());
+  report_.left = left.fault;
+  report_.right = right.fault;
+  report_.brightness = left.brightness;
+  for (Track& track : tracks_) track.matched = false;
+  if (!tracks_.empty() && (has_jumped || hasGap(images.stamp))) {
+    tracks_.clear();
+    report_.begun_anew = true;
+  }
+  if (isUseless(left.fault) || isUseless(right.fault)) return {images.stamp, {}};
+  follow(left, images.stamp);
+  beginTracks(left, images.stamp);
+  matchTracks(left, right);
+  last_left_ = left;
+  last_left_->image.release(); // the pyramid has it
+  last_stamp_ = images.stamp;
+  gyro_.forgetBefore(images.stamp);
+  summarise(images.stamp);
+  return features(left, images.stamp);
+}
+
+/// As the camera moved before, but for the rotation where the gyro has measured it.
+SE3 FrontEnd::predictMotion(Stamp stamp) {
+  const SE3 motion = SE3::Exp(secondsBetween(last_stamp_, stamp) * velocity_);
+  const auto before_R_now = cam_R_imu_ ? gyro_.between(last_stamp_, stamp) : std::nullopt;
+  if (!before_R_now) return motion;
+  report_.rotation_known = true;
+  return {*cam_R_imu_ * before_R_now->transpose() * cam_R_imu_->transpose(), motion.translation()};
+}
+
+/// Where the tracks are in the next left image.
+std::vector<cv::Point2f> FrontEnd::predict(const SE3& now_T_before) const {
+  const StereoCamera& camera = calibration_.camera;
+  std::vector<cv::Point2d> moved;
+  for (const Track& track : tracks_) {
+    const Eigen::Vector3d p =
+        now_T_before * pointBehind(camera, track.left_rectified, track.disparity.value_or(0.0));
+    const StereoPixels pixels = camera.project({p.x(), p.y(), std::max(p.z(), 1e-3)});
+    moved.emplace_back(pixels[0], pixels[1]);
+  }
+  std::vector<cv::Point2f> predicted = calibration_.left.unrectify(moved);
+  for (std::size_t i = 0; i < predicted.size(); ++i) {
+    if (!calibration_.left.contains(predicted[i])) predicted[i] = tracks_[i].left;
+  }
+  return predicted;
+}
+
+void FrontEnd::follow(const Picture& left, Stamp stamp) {
+  if (tracks_.empty() || !last_left_) return;
+  std::vector<cv::Point2f> points;
+  for (const Track& track : tracks_) points.push_back(track.left);
+  const SE3 guess = predictMotion(stamp);
+  const Flow flow = followPoints(*last_left_, left, points, predict(guess), kLevels, kMaxFlowRoundTrip);
+  std::vector<Track> before = tracks_;
+  std::size_t i = 0;
+  for (Track& track : tracks_) {
+    track.left_before = track.left;
+    track.left = flow.points[i++];
+  }
+  i = 0;
+  report_.lost = removeTracks(tracks_, [&](const Track&) { return !flow.found[i++]; });
+  i = 0;
+  removeTracks(before, [&](const Track&) { return !flow.found[i++]; });
+  refine(left);
+  points.clear();
+  for (const Track& track : tracks_) points.push_back(track.left);
+  const auto rectified = calibration_.left.rectify(points);
+  for (i = 0; i < tracks_.size(); ++i) tracks_[i].left_rectified = rectified[i];
+  const auto is_outside = [this](const Track& track) {
+    return !calibration_.left.contains(track.left_rectified);
+  };
+  i = 0;
+  removeTracks(before, [&](const Track&) { return is_outside(tracks_[i++]); });
+  report_.lost += removeTracks(tracks_, is_outside);
+  rejectOutliers(before);
+  learnMotion(guess, before, stamp);
+  // Two that have run together see the same thing; the older one goes on.
+  const float nearest = 0.5f * detector_.minDistance();
+  std::vector<cv::Point2f> kept;
+  report_.lost += removeTracks(tracks_, [&](const Track& track) {
+    const bool is_double = std::any_of(kept.begin(), kept.end(),
+                                       [&](const auto& p) { return cv::norm(p - track.left) < nearest; });
+    if (!is_double) kept.push_back(track.left);
+    return is_double;
+  });
+  report_.followed = tracks_.size();
+}
+
+void FrontEnd::learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp) {
+  std::vector<Displacement> displacements;
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    if (!before[i].disparity) continue;
+    displacements.push_back({pointBehind(calibration_.camera, before[i].left_rectified, *before[i].disparity),
+                             {tracks_[i].left_rectified.x, tracks_[i].left_rectified.y}});
+  }
+  const auto motion = estimateMotion(calibration_.camera, displacements, guess);
+  velocity_ = motion ? (motion->Log() / secondsBetween(last_stamp_, stamp)).eval() : Vector6d::Zero().eval();
+}
+
+/// Flow has brought each point to within a fraction of a pixel; its anchor says where it is. One that does
+/// not look like its anchor any more gets a new one.
+void FrontEnd::refine(const Picture& left) {
+  for (Track& track : tracks_) {
+    if (track.anchor) {
+      const auto fit = track.anchor->align(left.image, {{track.left.x, track.left.y}, track.shape});
+      const cv::Point2f at = fit ? cv::Point2f(fit->warp.centre.x(), fit->warp.centre.y()) : track.left;
+      if (fit && fit->correlation >= kMinAnchorCorrelation && cv::norm(at - track.left) <= kMaxCorrection) {
+        track.left = at;
+        track.shape = fit->warp.shape;
+        continue;
+      }
+    }
+    track.anchor = AnchorPatch::cut(left.image, track.left);
+    track.shape.setIdentity();
+  }
+}
+
+/// Two views of a static world have one epipolar geometry. `before`: the same tracks, as they were.
+void FrontEnd::rejectOutliers(std::vector<Track>& before) {
+  if (tracks_.size() < kMinForGeometry) return;
+  std::vector<cv::Point2d> then, now;
+  for (const Track& track : before) then.push_back(track.left_rectified);
+  for (const Track& track : tracks_) now.push_back(track.left_rectified);
+  std::vector<uchar> is_inlier;
+  const cv::Mat F = cv::findFundamentalMat(then, now, cv::FM_RANSAC, kEpipolar, 0.99, is_inlier);
+  if (F.empty() || is_inlier.size() != tracks_.size()) return;
+  std::size_t i = 0, k = 0;
+  report_.rejected = removeTracks(tracks_, [&](const Track&) { return is_inlier[i++] == 0; });
+  removeTracks(before, [&](const Track&) { return is_inlier[k++] == 0; });
+}
+
+void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
+  std::vector<cv::Point2f> occupied;
+  for (const Track& track : tracks_) occupied.push_back(track.left);
+  const auto corners = detector_.detect(left.image, occupied);
+  const auto rectified = calibration_.left.rectify(corners);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (!calibration_.left.contains(rectified[i])) {
+      detector_.noteFailure(corners[i]);
+      continue;
+    }
+    Track track;
+    track.anchor = AnchorPatch::cut(left.image, corners[i]);
+    track.begin = stamp;
+    track.left = corners[i];
+    track.left_rectified = rectified[i];
+    tracks_.push_back(track);
+  }
+  report_.without_texture = tracks_.size() < std::min(kLittleTexture, options_.features);
+}
+
+void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
+  std::vector<StereoQuery> queries;
+  for (const Track& track : tracks_) queries.push_back({track.left, track.left_rectified, track.disparity});
+  const auto matches = matcher_.match(left, right, queries);
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    Track& track = tracks_[i];
+    track.matched = matches[i].found;
+    track.unmatched = track.matched ? 0 : track.unmatched + 1;
+    if (!track.matched) continue;
+    ++report_.matched;
+    track.right = matches[i].right;
+    track.right_rectified = matches[i].right_rectified;
+    track.disparity = track.left_rectified.x - track.right_rectified.x;
+    const double row = track.left_rectified.y - track.right_rectified.y; // of twice the variance
+    const double forget = track.weight < kMaxWeight ? 1.0 : (kMaxWeight - 1.0) / kMaxWeight;
+    track.square_sum = forget * track.square_sum + 0.5 * row * row;
+    track.weight = forget * track.weight + 1.0;
+  }
+  if (2 * report_.matched > tracks_.size()) {
+    exchanged_ = false;
+  } else if (queries.size() >= kFewestForExchange) {
+    exchanged_ = matcher_.lookExchanged(left, right, queries);
+  }
+  report_.exchanged = exchanged_;
+  // A new one without a match has no depth, and may be seen by the left camera alone.
+  for (const Track& track : tracks_) {
+    if (track.id == 0 && !track.matched) detector_.noteFailure(track.left);
+  }
+  report_.lost += removeTracks(
+      tracks_, [](const Track& track) { return track.id != 0 && track.unmatched > kMaxUnmatched; });
+  removeTracks(tracks_, [](const Track& track) { return track.id == 0 && !track.matched; });
+  for (Track& track : tracks_) {
+    if (track.id != 0) continue;
+    track.id = next_id_++;
+    ++report_.begun;
+  }
+}
+
+StereoFrame FrontEnd::features(const Picture& left, Stamp stamp) const {
+  std::vector<cv::Point2f> points;
+  StereoFrame frame{stamp, {}};
+  for (const Track& track : tracks_) {
+    if (!track.matched) continue;
+    const double variance =
+        kLifeSigma * kLifeSigma +
+        (kPriorWeight * kPriorSigma * kPriorSigma + track.square_sum) / (kPriorWeight + track.weight);
+    const float sigma = static_cast<float>(std::sqrt(variance)); // as a message holds it
+    frame.features.push_back(
+        {track.id,
+         {track.left_rectified.x, track.left_rectified.y, track.right_rectified.x, track.right_rectified.y},
+         static_cast<double>(sigma)});
+    points.push_back(track.left);
+  }
+  const auto descriptors = describePoints(left.image, points);
+  for (std::size_t i = 0; i < descriptors.size(); ++i) frame.features[i].descriptor = descriptors[i];
+  return frame;
+}
+
+void FrontEnd::summarise(Stamp stamp) {
+  double sum = 0.0;
+  for (const Track& track : tracks_) sum += secondsBetween(track.begin, stamp);
+  report_.mean_life_s = tracks_.empty() ? 0.0 : sum / static_cast<double>(tracks_.size());
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,90 @@
+#include "vi_ekf_slam/front_end/image_pairing.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kPairingJump = 1.0;    // s back: time begins anew
+constexpr std::size_t kMaxQueue = 1000; // images; what never finds a partner must not fill the memory
+
+} // namespace
+
+void ImagePairing::add(PendingImage image, Camera& camera) {
+  if (camera.last && image.stamp <= *camera.last) {
+    if (secondsBetween(image.stamp, *camera.last) < kPairingJump) {
+      ++counts_.disordered;
+      return;
+    }
+    counts_.*camera.alone += camera.waiting.size();
+    camera.waiting.clear();
+  }
+  camera.last = image.stamp;
+  if (image.stamp > newest_ || secondsBetween(image.stamp, newest_) > kPairingJump) newest_ = image.stamp;
+  camera.waiting.push_back(std::move(image));
+  pairUp();
+  auto& waiting = camera.waiting;
+  while (!waiting.empty() && (waiting.size() > kMaxQueue ||
+                              secondsBetween(waiting.front().stamp, newest_) > options_.max_wait_s)) {
+    waiting.pop_front();
+    ++(counts_.*camera.alone);
+  }
+}
+
+void ImagePairing::noteGyro(Stamp stamp) {
+  if (!gyro_) gyro_expected_ = true;
+  if (!gyro_ || stamp > *gyro_ || secondsBetween(stamp, *gyro_) > kPairingJump) gyro_ = stamp;
+}
+
+void ImagePairing::pairUp() {
+  const auto drop = [this](Camera& camera) {
+    camera.waiting.pop_front();
+    ++(counts_.*camera.alone);
+  };
+  auto &left = left_.waiting, &right = right_.waiting;
+  while (!left.empty() && !right.empty()) {
+    const double apart = secondsBetween(left.front().stamp, right.front().stamp);
+    if (std::abs(apart) <= options_.tolerance_s) {
+      pairs_.push_back({std::move(left.front()), std::move(right.front())});
+      left.pop_front();
+      right.pop_front();
+    } else {
+      drop(apart > 0.0 ? left_ : right_); // all that follow of the other one are later still
+    }
+  }
+  while (pairs_.size() > kMaxQueue) {
+    pairs_.pop_front();
+    ++counts_.shed;
+  }
+}
+
+bool ImagePairing::isReady(const PendingPair& pair) {
+  if (is_closed_) return true;
+  const bool lacks_gyro = gyro_expected_ && !(gyro_ && *gyro_ >= pair.left.stamp);
+  if (!is_held_ && !lacks_gyro) return true;
+  if (secondsBetween(pair.left.stamp, newest_) <= options_.max_wait_s) return false;
+  if (!is_held_) {
+    ++counts_.without_gyro;
+    gyro_expected_ = gyro_.has_value(); // one from which nothing comes is not waited for again
+  }
+  return true;
+}
+
+std::optional<PendingPair> ImagePairing::pop() {
+  if (pairs_.empty() || !isReady(pairs_.front())) return std::nullopt;
+  PendingPair pair = std::move(pairs_.front());
+  pairs_.pop_front();
+  return pair;
+}
+
+std::optional<PendingPair> ImagePairing::popNewest() {
+  std::optional<PendingPair> newest;
+  while (auto pair = pop()) {
+    if (newest) ++counts_.shed;
+    newest = std::move(pair);
+  }
+  return newest;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,72 @@
+#include "vi_ekf_slam/front_end/picture.hpp"
+
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr int kThumbnail = 8;    // px of the image for one of the thumbnail that is judged
+constexpr double kMissing = 0.3; // share of the picture
+constexpr double kAll = 0.95;    // share
+constexpr double kDark = 40.0, kBright = 215.0;
+constexpr int kSaturated = 250;
+
+/// What a lost part of a transmission, a covered lens or the sun make: neighbours that are exactly the same,
+/// which the noise of a sensor never makes of block means that are not at an end of the scale.
+PictureFault judge(const cv::Mat& image, double& brightness) {
+  cv::Mat small;
+  cv::resize(image, small, cv::Size(image.cols / kThumbnail, image.rows / kThumbnail), 0, 0, cv::INTER_AREA);
+  brightness = cv::mean(small)[0];
+  int uniform = 0, saturated = 0;
+  for (int y = 0; y + 1 < small.rows; ++y) {
+    const auto* row = small.ptr<std::uint8_t>(y);
+    const auto* below = small.ptr<std::uint8_t>(y + 1);
+    for (int x = 0; x + 1 < small.cols; ++x) {
+      uniform += row[x] == row[x + 1] && row[x] == below[x] && row[x] == below[x + 1];
+      saturated += row[x] >= kSaturated;
+    }
+  }
+  const double cells = std::max(1, (small.rows - 1) * (small.cols - 1));
+  if (uniform > kAll * cells && brightness < kDark) return PictureFault::kBlack;
+  if (saturated > 0.5 * cells || (uniform > kAll * cells && brightness > kBright))
+    return PictureFault::kOverexposed;
+  if (uniform > kAll * cells) return PictureFault::kUniform;
+  return uniform > kMissing * cells ? PictureFault::kPartlyUniform : PictureFault::kNone;
+}
+
+} // namespace
+
+const char* describe(PictureFault fault) {
+  switch (fault) {
+    case PictureFault::kNone:
+      return "good";
+    case PictureFault::kWrongSize:
+      return "not of camera_info's size";
+    case PictureFault::kBlack:
+      return "black";
+    case PictureFault::kOverexposed:
+      return "overexposed";
+    case PictureFault::kUniform:
+      return "of one brightness";
+    case PictureFault::kPartlyUniform:
+      return "partly missing (of one brightness)";
+  }
+  return "";
+}
+
+Picture makePicture(const cv::Mat& image, cv::Size size) {
+  Picture picture;
+  picture.image = image;
+  if (image.type() != CV_8UC1 || image.size() != size) {
+    picture.fault = PictureFault::kWrongSize;
+    return picture;
+  }
+  picture.fault = judge(image, picture.brightness);
+  if (!isUseless(picture.fault))
+    cv::buildOpticalFlowPyramid(image, picture.pyramid, cv::Size(kWindow, kWindow), kLevels, true,
+                                cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT, false);
+  return picture;
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,42 @@
+#include "vi_ekf_slam/ros/front_end/image_decoder.hpp"
+
+#include <cv_bridge/cv_bridge.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <stdexcept>
+
+namespace vi_ekf_slam {
+
+namespace encodings = sensor_msgs::image_encodings;
+
+cv::Mat ImageDecoder::toEightBits(const cv::Mat& image) {
+  if (image.depth() == CV_8U) return image;
+  double largest = 0.0;
+  cv::minMaxLoc(image, nullptr, &largest);
+  while (bits_ < 16 && largest >= std::exp2(bits_)) ++bits_;
+  cv::Mat eight;
+  image.convertTo(eight, CV_8U, 255.0 / (std::exp2(bits_) - 1.0));
+  return eight;
+}
+
+cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& message) {
+  const std::string& encoding = message->encoding;
+  const bool is_grey = encoding == encodings::MONO8 || encoding == encodings::TYPE_8UC1 ||
+                       encoding == encodings::MONO16 || encoding == encodings::TYPE_16UC1;
+  if (is_grey) return toEightBits(cv_bridge::toCvShare(message)->image);
+  const bool is_deep = encodings::bitDepth(encoding) == 16;
+  return toEightBits(cv_bridge::toCvShare(message, is_deep ? encodings::MONO16 : encodings::MONO8)->image);
+}
+
+cv::Mat ImageDecoder::decode(const sensor_msgs::CompressedImage& message) {
+  const cv::Mat image = message.data.empty()
+                            ? cv::Mat()
+                            : cv::imdecode(message.data, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
+    throw std::runtime_error("a compressed image that cannot be decoded, format '" + message.format + "'");
+  return toEightBits(image);
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,128 @@
+"""A drive in the layout of EuRoC and TUM-VI (ASL): mav0/cam0, cam1, imu0, each with data.csv and, mostly, sensor.yaml.
+
+The calibration is Kalibr's camchain where there is one (*camchain*.yaml in the folder, in mav0 or dso), else sensor.yaml.
+The IMU's noise is that of imu0/sensor.yaml or of imu.yaml, imu_config.yaml beside the camchain. Truth is
+mav0/state_groundtruth_estimate0 or mocap0 (data.csv), or truth_imu.tum.
+"""
+
+import glob
+import os
+
+import numpy as np
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.recordings import truth_poses
+from vi_ekf_slam.recordings.calibration_files import camchain, read_mapping, sensor_camera, sensor_pose
+from vi_ekf_slam.recordings.csv_table import read_rows, read_stamp, read_table
+from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
+from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
+from vi_ekf_slam.recordings.recording import Images, Imu, Recording, require_increasing
+from vi_ekf_slam.recordings.rectification import rectify
+
+
+def base_of(folder):
+    """The folder that holds cam0, or None."""
+    for base in (os.path.join(folder, "mav0"), folder):
+        if os.path.isdir(os.path.join(base, "cam0")):
+            return base
+    return None
+
+
+def load_asl(folder, options):
+    """Read and check a folder; a Recording. options: calibration, skip_bad, truth and truth_body of the converter."""
+    base, faults = base_of(folder), Faults(options.skip_bad)
+    for name in ("cam0", "cam1", "imu0"):
+        if not os.path.isdir(os.path.join(base, name)):
+            raise InputError("%s: has no folder %s, allowed: cam0, cam1 and imu0" % (base, name))
+    chain = options.calibration or _find(folder, base, "*camchain*.yaml")
+    imu_yaml = os.path.join(base, "imu0", "sensor.yaml")
+    imu_values = read_mapping(imu_yaml) if os.path.exists(imu_yaml) else {}
+    if chain:
+        left, right = camchain(chain)
+    else:
+        body_T_imu = sensor_pose(imu_values, imu_yaml)
+        left, right = (sensor_camera(os.path.join(base, name, "sensor.yaml"), body_T_imu) for name in ("cam0", "cam1"))
+    left_info, right_info = rectify(left, right, chain or base)
+    stamps, twist = read_table(os.path.join(base, "imu0", "data.csv"), 6)
+    images = _images(base, left.size, faults)
+    recording = Recording(
+        os.path.basename(os.path.abspath(folder)), imu=Imu(stamps, twist[:, :3], twist[:, 3:], None), images=images,
+        left=left_info, right=right_info, imu_T_left=left.imu_T_cam, left_T_right=inverse(left.imu_T_cam) @ right.imu_T_cam,
+        notes=["calibration: %s" % (chain or "sensor.yaml")] + faults.notes())
+    noise = _noise(folder, base, imu_values, imu_yaml)
+    if noise is None:
+        recording.notes.append("noise of the IMU: not stated")
+    recording.imu = recording.imu._replace(noise=noise)
+    recording.truth, source = _truth(folder, base, recording, options)
+    recording.notes.append("truth from: %s" % source)
+    return recording
+
+
+def _find(folder, base, pattern):
+    for place in (folder, base, os.path.join(folder, "dso")):
+        found = sorted(glob.glob(os.path.join(glob.escape(place), pattern)))
+        if found:
+            return found[0]
+    return None
+
+
+def _noise(folder, base, imu_values, imu_yaml):
+    if KEYS[0] in imu_values:
+        return noise_from_yaml(imu_values, "rate_hz", imu_yaml)
+    for name in ("imu.yaml", "imu_config.yaml"):
+        path = _find(folder, base, name)
+        if path:
+            values = read_mapping(path)
+            return noise_from_yaml(values.get("imu0", values), "update_rate", path)
+    return None
+
+
+def _images(base, size, faults):
+    """Images of the stamps that both cameras have."""
+    left, right = (_camera_images(os.path.join(base, name), faults) for name in ("cam0", "cam1"))
+    for one, other, name in ((left, right, "cam1"), (right, left, "cam0")):
+        for stamp in sorted(set(one) - set(other)):
+            faults.add("%s: has no picture beside %s" % (os.path.join(base, name), one[stamp]))
+    pairs = whole_pairs([(stamp, left[stamp], right[stamp]) for stamp in sorted(set(left) & set(right))], size, faults)
+    stamps, lefts, rights = zip(*pairs)
+    stamps = np.array(stamps, dtype=np.int64)
+    require_increasing(stamps, os.path.join(base, "cam0"))
+    return Images(stamps, lefts, rights)
+
+
+def _camera_images(camera, faults):
+    """{stamp ns: path} of a camera's folder: by its data.csv, or by the files' names where there is none."""
+    files, table = list_images(os.path.join(camera, "data")), os.path.join(camera, "data.csv")
+    if not os.path.exists(table):
+        return {read_stamp(path, 0, stem): path for stem, path in files.items()}
+    listed = {}
+    for number, words in read_rows(table):
+        stamp = read_stamp(table, number, words[0])
+        stem = os.path.splitext(words[1] if len(words) > 1 else "")[0]
+        if stem not in files:
+            faults.add("%s: line %d names '%s', which is not there" % (table, number, ",".join(words[1:])))
+        else:
+            listed[stamp] = files.pop(stem)
+    for path in files.values():
+        faults.add("%s: is not in data.csv" % path)
+    return listed
+
+
+def _truth(folder, base, recording, options):
+    """(truth of a Recording or None, where it is from)."""
+    frames, found = recording.frame_stamps, None
+    if options.truth:
+        source = options.truth
+        found = truth_poses.file_truth(source, options.truth_body, frames, recording.imu_T_left, np.eye(3))
+    else:
+        tables = [os.path.join(base, name, "data.csv") for name in ("state_groundtruth_estimate0", "mocap0")]
+        source = next(filter(os.path.exists, tables + [os.path.join(folder, "truth_imu.tum")]), None)
+        if source is None:
+            return None, "none"
+        if source.endswith(".csv"):
+            found = truth_poses.asl_truth(source)
+        else:
+            found = truth_poses.file_truth(source, "imu", frames, recording.imu_T_left, np.eye(3))
+    truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]))
+    return (truth, source) if truth is not None else (None, "none (%s is of another time)" % source)

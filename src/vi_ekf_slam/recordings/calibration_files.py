@@ -1,0 +1,94 @@
+"""Calibration as YAML: the sensor.yaml of ASL folders, and Kalibr's camchain."""
+
+import numpy as np
+
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.dataset.extrinsic import check_transform
+from vi_ekf_slam.recordings.rectification import MODELS, RawCamera
+
+
+def read_mapping(path):
+    """The mapping in a YAML file."""
+    values = read_yaml(path)
+    if not isinstance(values, dict):
+        raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
+    return values
+
+
+def sensor_pose(values, path):
+    """body_T_sensor (4 x 4) of a sensor.yaml's T_BS; the identity without one."""
+    if "T_BS" not in values:
+        return np.eye(4)
+    matrix = values["T_BS"]
+    return transform(matrix.get("data") if isinstance(matrix, dict) else matrix, "%s: T_BS" % path)
+
+
+def sensor_camera(path, body_T_imu):
+    """RawCamera of a camera's sensor.yaml. body_T_imu: of the IMU's."""
+    values = read_mapping(path)
+    return _camera(values, path, "distortion_coefficients", inverse(body_T_imu) @ sensor_pose(values, path))
+
+
+def camchain(path):
+    """(left, right) RawCamera of Kalibr's camchain with cam0 and cam1."""
+    values, cameras = read_mapping(path), []
+    for name in ("cam0", "cam1"):
+        camera, where = values.get(name), "%s: %s" % (path, name)
+        if not isinstance(camera, dict):
+            raise InputError("%s is missing" % where)
+        if "T_cam_imu" in camera:
+            imu_T_cam = inverse(transform(camera["T_cam_imu"], where + ": T_cam_imu"))
+        elif cameras and "T_cn_cnm1" in camera:
+            imu_T_cam = cameras[0].imu_T_cam @ inverse(transform(camera["T_cn_cnm1"], where + ": T_cn_cnm1"))
+        else:
+            raise InputError("%s: T_cam_imu is missing: where is the camera on the IMU?" % where)
+        cameras.append(_camera(camera, where, "distortion_coeffs", imu_T_cam))
+    return tuple(cameras)
+
+
+def _camera(values, path, distortion_key, imu_T_cam):
+    if values.get("camera_model", "pinhole") != "pinhole":
+        raise InputError("%s: camera_model is '%s', allowed: pinhole" % (path, values["camera_model"]))
+    model = values.get("distortion_model", "none")
+    if model not in MODELS:
+        raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(MODELS))))
+    fu, fv, cu, cv = numbers(values.get("intrinsics"), (4,), path + ": intrinsics")
+    intrinsics = np.array([[fu, 0.0, cu], [0.0, fv, cv], [0.0, 0.0, 1.0]])
+    checks.require_intrinsics(intrinsics, path + ": intrinsics")
+    width, height = numbers(values.get("resolution"), (2,), path + ": resolution")
+    distortion = np.zeros(4)
+    if model != "none":
+        distortion = numbers(values.get(distortion_key), (None,), path + ": " + distortion_key)
+    allowed = (4,) if MODELS[model] == "equidistant" else (4, 5)
+    if len(distortion) not in allowed:
+        raise InputError("%s: %s has %d numbers, allowed: %s"
+                         % (path, distortion_key, len(distortion), " or ".join(map(str, allowed))))
+    if MODELS[model] == "plumb_bob":
+        distortion = np.append(distortion, np.zeros(5 - len(distortion)))  # k1 k2 p1 p2 k3, as CameraInfo has it
+    return RawCamera((int(width), int(height)), intrinsics, MODELS[model], distortion, imu_T_cam)
+
+
+def numbers(values, shape, name):
+    """A finite array of this shape (None: any length) of what YAML gives; InputError names `name`."""
+    if values is None:
+        raise InputError("%s is missing" % name)
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("%s is %r, allowed: numbers" % (name, values))
+    checks.require_shape(array, shape, name)
+    checks.require_finite(array, name)
+    return array
+
+
+def transform(values, name):
+    """4 x 4 rigid transform of 16 numbers, row by row; InputError names `name`."""
+    try:
+        array = np.array(values, dtype=float).reshape(4, 4)
+    except (TypeError, ValueError):
+        raise InputError("%s is %r, allowed: 16 numbers" % (name, values))
+    checks.require_finite(array, name)
+    return check_transform(array, name)

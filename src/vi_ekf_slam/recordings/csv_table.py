@@ -1,0 +1,44 @@
+"""Tables of numbers whose first column is a stamp in integer nanoseconds, as ASL folders have them."""
+
+import numpy as np
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.recordings.recording import require_increasing
+
+
+def read_rows(path):
+    """Lists of words of all lines but empty ones and those that begin with #, with their numbers: [(number, words)]."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            rows = [(number, [word.strip() for word in line.split(",")]) for number, line in enumerate(stream, start=1)
+                    if line.strip() and not line.lstrip().startswith("#")]
+    except (OSError, UnicodeDecodeError) as reason:
+        raise InputError("%s: cannot be read: %s" % (path, reason))
+    if not rows:
+        raise InputError("%s: holds no line of data" % path)
+    return rows
+
+
+def read_stamp(path, number, word):
+    """Integer ns."""
+    try:
+        return int(word)
+    except ValueError:
+        raise InputError("%s: line %d begins with '%s', allowed: a stamp in ns" % (path, number, word))
+
+
+def read_table(path, columns):
+    """(stamps (N,) ns, values (N, columns)); surplus columns are not read."""
+    stamps, values = [], []
+    for number, words in read_rows(path):
+        stamps.append(read_stamp(path, number, words[0]))
+        try:
+            values.append([float(word) for word in words[1:1 + columns]])
+        except ValueError:
+            values.append([])
+        if len(values[-1]) != columns or not np.all(np.isfinite(values[-1])):
+            raise InputError("%s: line %d is '%s', allowed: a stamp and %d finite numbers"
+                             % (path, number, ",".join(words)[:80], columns))
+    stamps = np.array(stamps, dtype=np.int64)
+    require_increasing(stamps, path)
+    return stamps, np.array(values)

@@ -1,0 +1,155 @@
+"""The calibration of a rig, whatever wrote it: Kalibr, ROS's camera_calibration, EuRoC and TUM-VI, KITTI."""
+
+import glob
+import os
+from collections import namedtuple
+
+import numpy as np
+
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform
+from vi_ekf_slam.dataset.extrinsic import check_transform
+from vi_ekf_slam.recordings.asl import base_of
+from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, read_mapping, sensor_camera, sensor_pose,
+                                                      transform)
+from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
+from vi_ekf_slam.recordings.kitti import calibrated_pair
+from vi_ekf_slam.recordings.recording import Camera
+from vi_ekf_slam.recordings.rectification import rectify
+
+MAX_TIME_OFFSET = 1.0  # s
+# sensor_msgs/CameraInfo's distortion models and how many coefficients each has.
+ROS_MODELS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,), "fisheye": (4,)}
+
+RigCalibration = namedtuple("RigCalibration", "format left right imu_T_left left_T_right noise time_offset")
+RigCalibration.__doc__ = """format: text. left, right: recording.Camera. imu_T_left, left_T_right: 4 x 4, of the cameras as
+mounted where the pictures are raw. noise: imu_noise.ImuNoise, or None: not stated. time_offset: s to be added to a picture's stamp for the IMU's clock, or None."""
+
+
+def read_calibration(paths, imu=None, imu_T_left=None):
+    """RigCalibration of a folder, of one file or of two (left, right); InputError says what is missing or wrong.
+
+    imu: a file with the IMU's noise (Kalibr's imu.yaml, sensor.yaml). imu_T_left: a file with where the left camera is, for
+    formats that do not say it.
+    """
+    for path in list(paths) + [p for p in (imu, imu_T_left) if p]:
+        if not os.path.exists(path):
+            raise InputError("%s: no such file or folder" % path)
+    given = None if imu_T_left is None else _camera_on_imu(imu_T_left)
+    if len(paths) == 1 and os.path.isdir(paths[0]):
+        rig = _folder(paths[0])
+    elif len(paths) == 1:
+        rig = _kalibr(paths[0])
+    elif len(paths) == 2:
+        rig = _two_files(paths, imu, given)
+    else:
+        raise InputError("%d files are given, allowed: one folder, one camchain, or left and right" % len(paths))
+    if given is not None:
+        rig = rig._replace(imu_T_left=given)
+    if imu is not None:
+        rig = rig._replace(noise=read_noise(imu))
+    return rig
+
+
+def read_noise(path):
+    """ImuNoise of Kalibr's imu.yaml or of a sensor.yaml."""
+    values = read_mapping(path)
+    values = values.get("imu0", values)
+    return noise_from_yaml(values, "rate_hz" if "rate_hz" in values else "update_rate", path)
+
+
+def _folder(folder):
+    if base_of(folder):
+        return _asl(base_of(folder))
+    for place in (folder, os.path.dirname(os.path.abspath(folder))):
+        if os.path.exists(os.path.join(place, "calib_cam_to_cam.txt")):
+            left, right, rectleft_T_imu, baseline = calibrated_pair(
+                *(os.path.join(place, "calib_%s.txt" % name) for name in ("cam_to_cam", "imu_to_velo", "velo_to_cam")))
+            return RigCalibration("KITTI, rectified pictures", left, right, inverse(rectleft_T_imu),
+                                  make_transform(np.eye(3), [baseline, 0.0, 0.0]), None, None)
+    chains = sorted(glob.glob(os.path.join(glob.escape(folder), "*camchain*.yaml")))
+    if len(chains) == 1:
+        return _kalibr(chains[0])
+    raise InputError("%s: is no calibration, allowed: a folder with cam0, cam1 and imu0 (EuRoC, TUM-VI), with "
+                     "calib_cam_to_cam.txt (KITTI), or with one *camchain*.yaml (Kalibr)" % folder)
+
+
+def _kalibr(path):
+    raw = camchain(path)
+    shift = read_mapping(path)["cam0"].get("timeshift_cam_imu")
+    if shift is not None:
+        shift = float(numbers(shift, (), path + ": cam0: timeshift_cam_imu"))
+        if abs(shift) > MAX_TIME_OFFSET:
+            raise InputError("%s: cam0: timeshift_cam_imu is %g s, allowed: -%g to %g"
+                             % (path, shift, MAX_TIME_OFFSET, MAX_TIME_OFFSET))
+    return _raw("Kalibr's camchain", raw, path, None, shift)
+
+
+def _asl(base):
+    imu = os.path.join(base, "imu0", "sensor.yaml")
+    if not os.path.exists(imu):
+        raise InputError("%s: no such file; Kalibr's camchain can be given instead of the folder" % imu)
+    raw = [sensor_camera(os.path.join(base, name, "sensor.yaml"), sensor_pose(read_mapping(imu), imu))
+           for name in ("cam0", "cam1")]
+    return _raw("EuRoC's sensor.yaml", raw, base, read_noise(imu) if KEYS[0] in read_mapping(imu) else None, None)
+
+
+def _raw(name, cameras, source, noise, shift):
+    left, right = cameras
+    return RigCalibration(name, *rectify(left, right, source), left.imu_T_cam,
+                          inverse(left.imu_T_cam) @ right.imu_T_cam, noise, shift)
+
+
+def _two_files(paths, imu, imu_T_left):
+    if "intrinsics" in read_mapping(paths[0]):
+        body_T_imu = np.eye(4) if imu is None else sensor_pose(read_mapping(imu), imu)
+        return _raw("EuRoC's sensor.yaml", [sensor_camera(path, body_T_imu) for path in paths], paths[0], None, None)
+    if imu_T_left is None:
+        raise InputError("%s: does not say where the left camera is on the IMU, allowed: with --imu-T-left FILE" % paths[0])
+    left, right = (_ros_camera(path) for path in paths)
+    if left.size != right.size:
+        raise InputError("%s: the size is %d x %d px, that of %s %d x %d px, allowed: the same"
+                         % (paths[1], *right.size, paths[0], *left.size))
+    baseline = -right.projection[0, 3] / right.projection[0, 0]
+    checks.require_positive(baseline, "%s: baseline of projection_matrix, -P[3] / P[0]" % paths[1], "m")
+    left_T_right = inverse(make_transform(left.rectification, np.zeros(3))) @ make_transform(
+        right.rectification, [baseline, 0.0, 0.0])
+    return RigCalibration("ROS's camera_calibration", left, right, imu_T_left, left_T_right, None, None)
+
+
+def _ros_camera(path):
+    values = read_mapping(path)
+    size = tuple(int(numbers(values.get(key), (), "%s: %s" % (path, key))) for key in ("image_width", "image_height"))
+    model = values.get("distortion_model", "plumb_bob")
+    if model not in ROS_MODELS:
+        raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(ROS_MODELS))))
+
+    def matrix(key, *shape):
+        entry = values.get(key)
+        array = numbers(entry.get("data") if isinstance(entry, dict) else entry, (None,), "%s: %s" % (path, key))
+        if shape and array.size != np.prod(shape):
+            raise InputError("%s: %s has %d numbers, allowed: %d" % (path, key, array.size, np.prod(shape)))
+        return array.reshape(shape) if shape else array
+    distortion = matrix("distortion_coefficients")
+    if distortion.size not in ROS_MODELS[model]:
+        raise InputError("%s: distortion_coefficients has %d numbers, allowed with %s: %s"
+                         % (path, distortion.size, model, " or ".join(map(str, ROS_MODELS[model]))))
+    intrinsics, projection = matrix("camera_matrix", 3, 3), matrix("projection_matrix", 3, 4)
+    checks.require_intrinsics(intrinsics, path + ": camera_matrix")
+    checks.require_intrinsics(projection[:, :3], path + ": projection_matrix")
+    rotation = check_transform(make_transform(matrix("rectification_matrix", 3, 3), np.zeros(3)),
+                               path + ": rectification_matrix")[:3, :3]
+    if model == "plumb_bob":
+        distortion = np.append(distortion, np.zeros(5 - distortion.size))
+    return Camera(size, intrinsics, "equidistant" if model == "fisheye" else model, distortion, rotation, projection)
+
+
+def _camera_on_imu(path):
+    values = read_mapping(path)
+    for key in ("imu_T_left", "T_BS", "T_cam_imu"):
+        if key in values:
+            entry = values[key]
+            matrix = transform(entry.get("data") if isinstance(entry, dict) else entry, "%s: %s" % (path, key))
+            return inverse(matrix) if key == "T_cam_imu" else matrix
+    raise InputError("%s: allowed: imu_T_left or T_BS (points of the left camera to the IMU), or T_cam_imu, of 16 numbers" % path)

@@ -1,0 +1,53 @@
+"""True poses of a recorded drive, in a map whose z is upwards and that begins with the heading and position zero."""
+
+import numpy as np
+
+from vi_ekf_slam.common import checks
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform
+from vi_ekf_slam.dataset.pose_files import ROTATION_TOLERANCE, quaternions_to_poses, read_pose_file
+from vi_ekf_slam.evaluation.gauge import frame_change
+from vi_ekf_slam.recordings.csv_table import read_table
+
+
+def within(stamps, poses, start, end):
+    """(stamps, map_T_imu) of world_T_imu poses from `start` to `end` ns; None when there is none."""
+    inside = (stamps >= start) & (stamps <= end)
+    if not inside.any():
+        return None
+    stamps, poses = stamps[inside], poses[inside]
+    return stamps, frame_change(np.eye(4), poses[0], "yaw") @ poses
+
+
+def asl_truth(path):
+    """(stamps ns, world_T_imu) of a data.csv: stamp, position, quaternion w x y z, and more that is not read."""
+    stamps, values = read_table(path, 7)
+    quaternions = values[:, [4, 5, 6, 3]]
+    norms = np.linalg.norm(quaternions, axis=1)
+    bad = int(np.argmax(np.abs(norms - 1.0)))
+    if abs(norms[bad] - 1.0) > ROTATION_TOLERANCE:
+        raise InputError("%s: pose %d has a quaternion of norm %.6g, allowed: 1 within %g"
+                         % (path, bad, norms[bad], ROTATION_TOLERANCE))
+    return stamps, quaternions_to_poses(quaternions, values[:, :3])
+
+
+def file_truth(path, body, frame_stamps, imu_T_cam, upright):
+    """(stamps ns, world_T_imu) of a pose file, TUM (whose world has z upwards) or KITTI.
+
+    Row k of a KITTI file is the left camera at frame k, in the axes of its first pose. frame_stamps (T,) ns.
+    imu_T_cam 4 x 4. upright (3, 3): the first IMU pose in a world with z upwards, for KITTI files.
+    """
+    stamps, poses = read_pose_file(path)
+    is_kitti = stamps is None
+    if is_kitti:
+        if len(poses) > len(frame_stamps):
+            raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive"
+                             % (path, len(poses), len(frame_stamps)))
+        stamps = frame_stamps[:len(poses)]
+    else:
+        stamps = checks.nanoseconds(stamps)
+    if body == "left_camera" or (body is None and is_kitti):
+        poses = poses @ inverse(imu_T_cam)
+    if is_kitti:
+        poses = make_transform(upright, np.zeros(3)) @ inverse(poses[0]) @ poses
+    return stamps, poses

@@ -1,0 +1,117 @@
+"""What camera_info and /tf_static state: is it a rectified pair at all, and where is it on the IMU?"""
+
+import numpy as np
+
+from vi_ekf_slam.common.geometry import make_transform, rotation_error
+
+PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
+MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
+MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
+MIN_BASELINE, MAX_BASELINE = 0.02, 2.0  # m, of rigs that are sold or built
+
+
+class Camera:
+    """One side: K, D, R, P of sensor_msgs/CameraInfo as arrays, and what becomes of pixels."""
+
+    def __init__(self, info):
+        self.K = np.array(info.K).reshape(3, 3)
+        self.D = np.array(info.D, dtype=float)
+        rotation = np.array(info.R).reshape(3, 3)
+        self.R = rotation if rotation.any() else np.eye(3)
+        self.P = np.array(info.P).reshape(3, 4)
+        self.size = info.width, info.height
+        self.fisheye = info.distortion_model in ("equidistant", "fisheye")
+
+    @property
+    def is_rectified(self):
+        """Whether nothing is left to rectify, as the front end judges it (front_end/camera_model.cpp)."""
+        return (not self.D.any() and not self.fisheye and np.abs(self.R - np.eye(3)).max() < 1e-9
+                and np.linalg.norm(self.K - self.P[:, :3]) <= 1e-3)
+
+    def rectify(self, pixels):
+        """(N, 2) px of the picture as it is -> (N, 2) px of the rectified one."""
+        import cv2
+        if not len(pixels):
+            return np.zeros((0, 2))
+        points = np.ascontiguousarray(pixels, dtype=float).reshape(-1, 1, 2)
+        undistort = cv2.fisheye.undistortPoints if self.fisheye else cv2.undistortPoints
+        return undistort(points, self.K, self.D, R=self.R, P=self.P).reshape(-1, 2)
+
+
+def check_calibration(rig, report):
+    """camera_info by itself: P of both sides, baseline, picture's size."""
+    if set(rig.infos) != {"left", "right"}:
+        report.unjudged("camera_info of both sides is needed")
+        return
+    left, right = (rig.infos[side] for side in ("left", "right"))
+    fault = _fault(left, "left") or _fault(right, "right") or _pair_fault(left, right)
+    if fault is not None:
+        report.red(*fault)
+        return
+    if rig.changed:
+        report.yellow("camera_info changes on the way", ", ".join(sorted(rig.changed)), "constant",
+                      "the first one is used: stop what re-calibrates, or crops")
+    rig.cameras = Camera(left), Camera(right)
+    baseline = -right.P[3] / right.P[0]
+    field = 2.0 * np.degrees(np.arctan(0.5 * left.width / left.P[0])) if left.width else 0.0
+    figure = "baseline %.4g m, %.4g px, %.0f deg wide" % (baseline, left.P[0], field)
+    if not MIN_BASELINE <= baseline <= MAX_BASELINE:
+        report.yellow("the baseline is unusual", "%.4g m" % baseline, "%g to %g m" % (MIN_BASELINE, MAX_BASELINE),
+                      "right P[3] is -fx times the baseline in m: is it in mm?")
+    elif left.width and not MAX_FIELD[0] <= field <= MAX_FIELD[1]:
+        report.yellow("focal length and width do not go together", figure, "%g to %g deg" % MAX_FIELD,
+                      "is camera_info that of another resolution?")
+    else:
+        report.green("camera_info describes a rectified pair", figure)
+
+
+def _fault(info, side):
+    topic, P = "%s/camera_info" % side, info.P
+    if not np.isfinite(P).all() or not (P[0] > 1.0 and P[5] > 1.0):
+        return ("%s: not calibrated" % topic, "P: fx %g, fy %g" % (P[0], P[5]), "finite, from 1 px on",
+                "calibrate: rosrun camera_calibration, or Kalibr")
+    if rotation_error(Camera(info).R) > 1e-3:
+        return ("%s: R is no rotation" % topic, "", "R^T R = I within 1e-3", "calibrate again")
+    return None
+
+
+def _pair_fault(left, right):
+    if left.P[3] < 0.0 and right.P[3] == 0.0:
+        return ("left and right camera_info are exchanged", "left P[3] %.4g, right P[3] 0" % left.P[3], "left 0, right negative",
+                "exchange the camera_info topics: left_info:=..., right_info:=...")
+    if left.P[3] != 0.0 or not right.P[3] < 0.0:
+        return ("camera_info states no baseline", "P[3]: left %.4g, right %.4g" % (left.P[3], right.P[3]), "left 0, right negative",
+                "right P[3] must be -fx times the baseline in m: calibrate as a stereo pair")
+    for index, name in ((0, "fx"), (5, "fy"), (2, "cx"), (6, "cy")):
+        if abs(left.P[index] - right.P[index]) > PIXEL_TOLERANCE:
+            return ("camera_info is not of a rectified pair", "%s: left %.6g, right %.6g px" % (name, left.P[index], right.P[index]),
+                    "equal", "calibrate as a stereo pair: P of both sides must share fx, fy, cx, cy")
+    if (left.width, left.height) != (right.width, right.height):
+        return ("left and right camera_info are of two sizes", "%d x %d and %d x %d" % (
+            left.width, left.height, right.width, right.height), "equal", "set both cameras to one resolution")
+    return None
+
+
+def check_extrinsic(rig, report):
+    """Is there a transform from the IMU to the camera, and could it be one?"""
+    if "imu" not in rig.streams or "left" not in rig.infos:
+        report.unjudged("it needs an IMU and left/camera_info")
+        return
+    imu, camera = rig.streams["imu"].frame_id, rig.infos["left"].header.frame_id.lstrip("/")
+    if imu == camera:
+        report.red("IMU and left camera are said to be one frame", "frame_id '%s'" % imu, "two frames",
+                   "give each its own frame_id, and publish the transform on /tf_static")
+        return
+    left_T_imu = rig.left_T_imu()
+    if left_T_imu is None:
+        links = ", ".join(sorted("%s -> %s" % (t.header.frame_id, t.child_frame_id) for t in rig.transforms)) or "none"
+        report.red("no transform from '%s' to '%s'" % (imu, camera), "/tf_static: " + links, "required",
+                   "rosrun tf2_ros static_transform_publisher X Y Z QX QY QZ QW %s %s (where the camera is on the IMU)" % (
+                       imu or "IMU_FRAME", camera or "CAMERA_FRAME"))
+        return
+    rig.cam_T_imu = make_transform(Camera(rig.infos["left"]).R, np.zeros(3)) @ left_T_imu
+    distance = float(np.linalg.norm(left_T_imu[:3, 3]))
+    if distance > MAX_LEVER:
+        report.yellow("the camera is far from the IMU", "%.4g m" % distance, "%g m" % MAX_LEVER, "translations are in m, not in mm")
+    else:
+        report.green("'%s' is known on '%s'" % (camera, imu), "%.3g m off" % distance, "%g m" % MAX_LEVER)

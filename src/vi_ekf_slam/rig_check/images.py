@@ -1,0 +1,79 @@
+"""Pictures of a bag: pairs by stamp, decoded to 8 bit grey as the front end takes them."""
+
+import cv2
+import numpy as np
+
+from vi_ekf_slam.bag.opening import open_bag
+
+PAIR_TOLERANCE = 5000000  # ns, front_end/pair_tolerance_s
+# sensor_msgs/Image: (bits, channels, what OpenCV makes grey of it).
+ENCODINGS = {"mono8": (8, 1, None), "8UC1": (8, 1, None), "mono16": (16, 1, None), "16UC1": (16, 1, None),
+             "bgr8": (8, 3, cv2.COLOR_BGR2GRAY), "rgb8": (8, 3, cv2.COLOR_RGB2GRAY), "8UC3": (8, 3, cv2.COLOR_BGR2GRAY),
+             "bgra8": (8, 4, cv2.COLOR_BGRA2GRAY), "rgba8": (8, 4, cv2.COLOR_RGBA2GRAY),
+             "bgr16": (16, 3, cv2.COLOR_BGR2GRAY), "rgb16": (16, 3, cv2.COLOR_RGB2GRAY),
+             "bayer_rggb8": (8, 1, cv2.COLOR_BayerBG2GRAY), "bayer_bggr8": (8, 1, cv2.COLOR_BayerRG2GRAY),
+             "bayer_gbrg8": (8, 1, cv2.COLOR_BayerGR2GRAY), "bayer_grbg8": (8, 1, cv2.COLOR_BayerGB2GRAY)}
+
+
+def pair_stamps(left, right):
+    """(P, 2) indices of the left and the right picture of each pair, in the order of stamps. left, right: (N,), (M,) ns."""
+    if not len(left) or not len(right):
+        return np.zeros((0, 2), dtype=int)
+    order = np.argsort(right, kind="stable")
+    place = np.clip(np.searchsorted(right[order], left), 1, max(1, len(right) - 1))
+    candidates = np.stack([place - 1, np.minimum(place, len(right) - 1)])
+    offsets = np.abs(right[order][candidates] - left)
+    nearest = order[candidates[np.argmin(offsets, axis=0), np.arange(len(left))]]
+    pairs = np.column_stack([np.arange(len(left)), nearest])[offsets.min(axis=0) <= PAIR_TOLERANCE]
+    return pairs[np.argsort(left[pairs[:, 0]], kind="stable")]
+
+
+def read_pairs(rig, pairs):
+    """Yield (k, left, right), 8 bit grey, of the rows k of `pairs` (pair_stamps) in order. A picture that cannot be decoded is None."""
+    left, right = rig.streams["left_image"], rig.streams["right_image"]
+    wanted = {("left", int(left.stamps[i])) for i in pairs[:, 0]} | {("right", int(right.stamps[j])) for j in pairs[:, 1]}
+    number = {("left", int(left.stamps[i])): k for k, (i, _) in enumerate(pairs)}
+    number.update({("right", int(right.stamps[j])): k for k, (_, j) in enumerate(pairs)})
+    if not len(pairs):
+        return
+    received = np.concatenate([left.received[pairs[:, 0]], right.received[pairs[:, 1]]])
+    import genpy
+    begin, end = (genpy.Time(*divmod(int(t), 10**9)) for t in (received.min(), received.max()))
+    sides, held = {left.topic: "left", right.topic: "right"}, {}
+    with open_bag(rig.path) as bag:
+        for topic, message, _ in bag.read_messages([left.topic, right.topic], begin, end):
+            key = sides[topic], message.header.stamp.to_nsec()
+            if key not in wanted:
+                continue
+            wanted.discard(key)
+            k = number[key]
+            held.setdefault(k, {})[key[0]] = decode(message)
+            if len(held[k]) == 2:
+                pair = held.pop(k)
+                yield k, pair["left"], pair["right"]
+
+
+def decode(message):
+    """(rows, columns) uint8 of a sensor_msgs/Image or CompressedImage; None where that cannot be."""
+    if hasattr(message, "format"):
+        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+        return None if image is None else _eight_bits(image)
+    if message.encoding not in ENCODINGS:
+        return None
+    bits, channels, conversion = ENCODINGS[message.encoding]
+    dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if message.is_bigendian else "<u2")
+    width = message.width * channels
+    if message.step < width * dtype.itemsize or len(message.data) < message.step * message.height:
+        return None
+    rows = np.frombuffer(message.data, np.uint8)[:message.step * message.height].reshape(message.height, message.step)
+    image = np.ascontiguousarray(rows[:, :width * dtype.itemsize]).view(dtype).astype(np.uint8 if bits == 8 else np.uint16)
+    image = image.reshape(message.height, message.width, channels) if channels > 1 else image
+    return _eight_bits(image if conversion is None else cv2.cvtColor(image, conversion))
+
+
+def _eight_bits(image):
+    """The highest bits that are in use."""
+    if image.dtype == np.uint8:
+        return image
+    bits = max(8, int(image.max()).bit_length())
+    return (image >> (bits - 8)).astype(np.uint8)

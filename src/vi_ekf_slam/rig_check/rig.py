@@ -1,0 +1,160 @@
+"""A recording of a rig, read once: all stamps and small messages; pictures are read later, as many as are wanted."""
+
+from collections import namedtuple
+
+import numpy as np
+
+from vi_ekf_slam.bag.limits import require_bounded_chunks
+from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
+from vi_ekf_slam.rig_check import topics as names
+
+Stream = namedtuple("Stream", "topic stamps received frame_id")
+Stream.__doc__ = """stamps, received (N,) ns, in the order in which they came; frame_id: of the first message."""
+
+Imu = namedtuple("Imu", "gyro acceleration gyro_variance acceleration_variance")
+Imu.__doc__ = """gyro (N, 3) rad/s, acceleration (N, 3) m/s^2, as the messages have them, IMU axes. Variances of one coordinate as
+the first message states them: 0: not known, -1: not measured."""
+
+NANO = 1e-9
+
+
+class Rig:
+    """What a bag holds of a rig. What it does not have is None or empty.
+
+    path; topics: {argument of slam.launch: topic}; guessed: those of them that nobody named; present: {topic: type}.
+    streams: {argument: Stream}; imu: Imu; velocity (N, 3) m/s; frames: [(ids (M,), pixels (M, 4) uL vL uR vR)];
+    feature_sigmas px: the median of each frame, 0: not stated.
+    infos: {"left", "right": sensor_msgs/CameraInfo}; changed: sides whose calibration changes. transforms: [TransformStamped].
+    origin ns: the earliest stamp, which times in s count from.
+    """
+
+    def __init__(self, path, given, duration):
+        self.path = path
+        self.streams, self.infos, self.changed, self.transforms = {}, {}, set(), []
+        self.imu = self.velocity = self.velocity_name = None
+        self.cameras = self.cam_T_imu = self.pairs = self.motion = self.alignment = self.gyro_bias = self.noise = None  # of the checks
+        self.rectified, self.noise_path = False, ""
+        self.frames, self.feature_sigmas = [], []
+        with open_bag(path) as bag:
+            require_bounded_chunks(bag, path)
+            self.present = {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
+            self.topics, self.guessed = names.assign(self.present, given)
+            if not self.present:
+                raise InputError("%s: holds no message" % path)
+            self._read(bag, duration)
+        known = [stream.stamps.min() for stream in self.streams.values() if len(stream.stamps)]
+        self.origin = int(min(known)) if known else 0
+
+    def seconds(self, stamps):
+        """ns -> s after the origin."""
+        return (np.asarray(stamps, dtype=np.int64) - self.origin) * NANO
+
+    def _read(self, bag, duration):
+        readers = {topic: name for name, topic in self.topics.items()}
+        wanted = list(readers) + ["/tf_static", "/tf"]
+        begin = min((chunk.start_time.to_sec() for chunk in bag._chunks), default=0.0)
+        rows = {name: [] for name in self.topics}
+        values = {name: [] for name in self.topics}
+        heads = {}
+        for topic, raw, received in bag.read_messages(wanted, raw=True):
+            if duration and received.to_sec() > begin + duration:
+                break
+            if topic.startswith("/tf"):
+                self._transforms_of(raw)
+                continue
+            name = readers[topic]
+            message = self._message(raw) if not name.endswith("image") else None
+            stamp, frame_id = (message.header.stamp.to_nsec(), message.header.frame_id) if message else _header(raw[1])
+            heads.setdefault(name, frame_id if name != "wheel_odometry" else message.child_frame_id)
+            rows[name].append((stamp, received.to_nsec()))
+            self._value(name, message, values[name])
+        for name, found in rows.items():
+            if found:
+                stamps = np.array(found, dtype=np.int64)
+                self.streams[name] = Stream(self.topics[name], stamps[:, 0], stamps[:, 1], heads[name].lstrip("/"))
+        self._keep(values)
+
+    @staticmethod
+    def _message(raw):
+        message = raw[-1]()
+        message.deserialize(raw[1])
+        return message
+
+    def _transforms_of(self, raw):
+        known = {(t.header.frame_id, t.child_frame_id) for t in self.transforms}
+        for transform in self._message(raw).transforms:
+            if (transform.header.frame_id, transform.child_frame_id) not in known:
+                self.transforms.append(transform)
+
+    def _value(self, name, message, values):
+        if name == "imu":
+            w, a = message.angular_velocity, message.linear_acceleration
+            if not values:
+                self._variances = message.angular_velocity_covariance[0], message.linear_acceleration_covariance[0]
+            values.append((w.x, w.y, w.z, a.x, a.y, a.z))
+        elif name in ("velocity", "wheel_odometry"):
+            v = message.twist.twist.linear
+            values.append((v.x, v.y, v.z))
+        elif name == "features":
+            points = [(f.u_left, f.v_left, f.u_right, f.v_right, f.sigma) for f in message.features]
+            table = np.array(points, dtype=float).reshape(-1, 5)
+            self.feature_sigmas.append(float(np.median(table[:, 4])) if points else 0.0)
+            values.append((np.array([f.id for f in message.features], dtype=np.uint64), table[:, :4]))
+        elif name.endswith("info"):
+            side = name.split("_")[0]
+            first = self.infos.setdefault(side, message)
+            if (first.P, first.K, first.R, first.D) != (message.P, message.K, message.R, message.D):
+                self.changed.add(side)
+
+    def _keep(self, values):
+        if values.get("imu"):
+            table = np.array(values["imu"])
+            self.imu = Imu(table[:, :3], table[:, 3:], *self._variances)
+        self.frames = values.get("features", [])
+        self.velocity_name = next((name for name in ("velocity", "wheel_odometry") if values.get(name)), None)
+        if self.velocity_name:
+            self.velocity = np.array(values[self.velocity_name])
+
+    @property
+    def has_acceleration(self):
+        """Whether the IMU's messages carry accelerations, as the node judges it."""
+        return self.imu is not None and self.imu.acceleration_variance != -1.0 and bool(np.any(self.imu.acceleration))
+
+    @property
+    def frame_name(self):
+        """The stream of stereo frames: features where they are there, else the left pictures; None: there is none."""
+        return next((name for name in ("features", "left_image") if name in self.streams), None)
+
+    def left_T_imu(self):
+        """4 x 4, from the IMU's axes to the left camera's as it is mounted; None where no chain of transforms leads there."""
+        if "imu" not in self.streams or "left" not in self.infos:
+            return None
+        return self._chain(self.infos["left"].header.frame_id.lstrip("/"), self.streams["imu"].frame_id)
+
+    def _chain(self, target, source):
+        edges = {}
+        for t in self.transforms:
+            q, p = t.transform.rotation, t.transform.translation
+            quaternion = [q.x, q.y, q.z, q.w]
+            if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3:
+                continue
+            parent_T_child = make_transform(quaternion_to_rotation(quaternion), [p.x, p.y, p.z])
+            parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
+            edges.setdefault(child, []).append((parent, parent_T_child))
+            edges.setdefault(parent, []).append((child, inverse(parent_T_child)))
+        found, queue = {source: np.eye(4)}, [source]
+        while queue:
+            here = queue.pop(0)
+            for there, there_T_here in edges.get(here, ()):
+                if there not in found:
+                    found[there] = there_T_here @ found[here]
+                    queue.append(there)
+        return found.get(target)
+
+
+def _header(data):
+    """(stamp ns, frame_id) of a serialised message that begins with a std_msgs/Header."""
+    _, seconds, nanoseconds, length = np.frombuffer(data[:16], dtype="<u4")
+    return int(seconds) * 10**9 + int(nanoseconds), bytes(data[16:16 + int(length)]).decode(errors="replace")

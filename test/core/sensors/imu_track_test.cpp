@@ -1,0 +1,117 @@
+// What an IMU says of a time between two of its samples.
+
+#include "vi_ekf_slam/core/sensors/imu_track.hpp"
+
+#include <gtest/gtest.h>
+
+#include "../numeric.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using test::distance;
+using test::isotropic;
+
+const ImuNoise kNoise{0.01, 0.1, 1e-3, 1e-2};
+
+ImuSample sampleAt(double t, const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration) {
+  ImuSample sample;
+  sample.stamp = fromSeconds(t);
+  sample.angular_velocity = rate;
+  sample.acceleration = acceleration;
+  return sample;
+}
+
+/// Samples every 0.01 s, the last one reached at 10 s, of a rate and acceleration that grow with the time.
+ImuTrack growing(bool noise_given = true, double next = 10.01) {
+  ImuTrack imu(kNoise, noise_given);
+  const auto at = [](double t) {
+    return sampleAt(t, t * Eigen::Vector3d(1.0, -2.0, 3.0), t * Eigen::Vector3d(-4.0, 5.0, 6.0));
+  };
+  imu.reach(at(9.99));
+  imu.reach(at(10.0));
+  imu.expect(at(next));
+  return imu;
+}
+
+TEST(ImuTrack, IsLinearBetweenTwoSamplesSoThatAFrameBetweenThemGetsItsShare) {
+  const ImuTrack imu = growing();
+  for (const auto& [from, to] : {std::pair{10.0, 10.01}, {10.0, 10.004}, {10.004, 10.01}, {10.002, 10.003}}) {
+    const ImuInterval over = imu.over(fromSeconds(from), fromSeconds(to));
+    const double middle = 0.5 * (from + to);
+    EXPECT_LT(distance(over.rate, middle * Eigen::Vector3d(1.0, -2.0, 3.0)), 1e-7);
+    EXPECT_LT(distance(over.acceleration, middle * Eigen::Vector3d(-4.0, 5.0, 6.0)), 1e-7);
+  }
+  EXPECT_LT(distance(imu.rateAt(fromSeconds(10.0025)), 10.0025 * Eigen::Vector3d(1.0, -2.0, 3.0)), 1e-7);
+}
+
+TEST(ImuTrack, HoldsTheLastSampleWhereNoOtherIsKnownAndTheFirstBeforeIt) {
+  ImuTrack imu(kNoise, true);
+  EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), Eigen::Vector3d::Zero());
+  EXPECT_EQ(imu.over(fromSeconds(1.0), fromSeconds(1.1)).acceleration, Eigen::Vector3d::Zero());
+  const Eigen::Vector3d rate(0.1, 0.2, 0.3), acceleration(1.0, 2.0, 9.0);
+  imu.expect(sampleAt(2.0, rate, acceleration));
+  EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), rate);
+  imu.reach(sampleAt(2.0, rate, acceleration));
+  EXPECT_EQ(imu.over(fromSeconds(2.0), fromSeconds(2.1)).acceleration, acceleration);
+  // Never beyond the two samples.
+  imu.expect(sampleAt(2.1, 3.0 * rate, acceleration));
+  EXPECT_LT(distance(imu.rateAt(fromSeconds(9.0)), 3.0 * rate), 1e-15);
+  EXPECT_LT(distance(imu.rateAt(fromSeconds(1.0)), rate), 1e-15);
+}
+
+TEST(ImuTrack, DensitiesAreTheCalibrationsWhereItIsGiven) {
+  ImuTrack imu = growing(true);
+  ImuSample noisy = sampleAt(10.01, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  noisy.covariance = noisy.acceleration_covariance = isotropic(7.0);
+  imu.reach(noisy);
+  const ImuInterval over = imu.over(fromSeconds(10.01), fromSeconds(10.02));
+  EXPECT_LT(distance(over.rate_density, isotropic(0.01)), 1e-15);
+  EXPECT_LT(distance(over.acceleration_density, isotropic(0.1)), 1e-15);
+  // Of one sample, at 100 Hz: the density times the rate.
+  EXPECT_LT(distance(imu.gyroNoise(noisy), 100.0 * isotropic(0.01)), 1e-12);
+}
+
+TEST(ImuTrack, DensitiesAreAMessagesCovarianceTimesThePeriodWhereItHasOne) {
+  for (const double period : {0.0025, 0.01, 0.1}) {
+    ImuTrack imu(kNoise, false);
+    ImuSample noisy = sampleAt(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+    imu.reach(noisy);
+    noisy.stamp += fromSeconds(period);
+    noisy.covariance = isotropic(0.3);
+    noisy.acceleration_covariance = Eigen::Vector3d(1.0, 4.0, 9.0).asDiagonal();
+    imu.reach(noisy);
+    EXPECT_NEAR(imu.period(), period, 1e-12);
+    const ImuInterval over = imu.over(noisy.stamp, noisy.stamp + fromSeconds(0.5 * period));
+    EXPECT_LT(distance(over.rate_density, period * isotropic(0.3)), 1e-12);
+    EXPECT_LT(distance(over.acceleration_density, period * *noisy.acceleration_covariance), 1e-12);
+    EXPECT_EQ(imu.gyroNoise(noisy), isotropic(0.3));
+  }
+  // Without one the configured density holds.
+  EXPECT_LT(
+      distance(growing(false).over(fromSeconds(10.0), fromSeconds(10.01)).rate_density, isotropic(0.01)),
+      1e-15);
+}
+
+// An IMU of 10 Hz is slow, and one that is silent for longer has lost samples.
+TEST(ImuTrack, AGapIsUncertainByWhatTheBodyMayHaveDoneInIt) {
+  const auto density = [](double gap) {
+    return growing(true, 10.0 + gap).over(fromSeconds(10.0), fromSeconds(10.0 + gap)).rate_density(0, 0);
+  };
+  EXPECT_EQ(density(0.1), 1e-4);
+  EXPECT_GT(density(0.2), 1e-3);
+  EXPECT_NEAR((density(0.8) - 1e-4) / (density(0.4) - 1e-4), 4.0, 1e-9);
+  // Where no sample ends it, twelve times as much.
+  ImuTrack open(kNoise, true);
+  open.reach(sampleAt(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  const ImuInterval over = open.over(fromSeconds(10.0), fromSeconds(10.4));
+  EXPECT_NEAR(over.rate_density(1, 1) - 1e-4, 12.0 * (density(0.4) - 1e-4), 1e-9);
+  EXPECT_GT(over.acceleration_density(0, 0), over.rate_density(0, 0));
+  // A gap does not count as the IMU's period.
+  ImuTrack imu = growing();
+  imu.reach(sampleAt(12.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  EXPECT_LE(imu.period(), 0.15);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

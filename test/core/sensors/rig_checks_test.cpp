@@ -1,0 +1,102 @@
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "vi_ekf_slam/core/sensors/arrival_check.hpp"
+#include "vi_ekf_slam/core/sensors/imu_check.hpp"
+#include "vi_ekf_slam/core/sensors/stereo_check.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+/// What is said of 20 frames of 40 points, each changed by `change`.
+template <typename Change>
+std::string saidOf(Change change, double sigma = 0.5) {
+  StereoCheck check;
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0.0, sigma);
+  std::uniform_real_distribution<double> pixel(50.0, 350.0);
+  std::string said;
+  for (int k = 0; k < 20; ++k) {
+    StereoFrame frame;
+    frame.stamp = fromSeconds(0.1 * k);
+    for (int i = 0; i < 40; ++i) {
+      const double u = pixel(random), v = pixel(random);
+      StereoFeatureObservation feature;
+      feature.id = i;
+      feature.pixels << u + 20.0 + noise(random), v + noise(random), u + noise(random), v + noise(random);
+      change(feature.pixels);
+      frame.features.push_back(feature);
+    }
+    said += check.note(frame, 1.0);
+  }
+  EXPECT_EQ(said, check.problem()) << "it is said once";
+  return said;
+}
+
+TEST(StereoCheck, SaysNothingOfARectifiedPair) {
+  EXPECT_EQ(saidOf([](StereoPixels&) {}), "");
+  EXPECT_EQ(saidOf([](StereoPixels&) {}, 1.0), "");
+  EXPECT_EQ(saidOf([](StereoPixels& p) { p[0] = p[2] + 0.3; }), "") << "far points";
+}
+
+TEST(StereoCheck, NamesRowsThatDiffer) {
+  const std::string said = saidOf([](StereoPixels& p) { p[3] += 4.0; });
+  EXPECT_NE(said.find("matched points lie in different rows: "), std::string::npos) << said;
+  EXPECT_NE(said.find("px (median of 400 points), allowed: 2.29 px"), std::string::npos) << said;
+}
+
+TEST(StereoCheck, NamesSidesThatAreExchanged) {
+  const std::string said = saidOf([](StereoPixels& p) { std::swap(p[0], p[2]); });
+  EXPECT_NE(said.find("disparity has the wrong sign: 100 % of the points"), std::string::npos) << said;
+}
+
+TEST(StereoCheck, TakesNoNumbersThatAreNone) {
+  EXPECT_EQ(saidOf([](StereoPixels& p) { p[1] = std::nan(""); }), "");
+}
+
+/// What is said of 10 s of an IMU at 100 Hz and features at 10 Hz that come so much after their stamps.
+std::string saidOfDelays(double imu, double features) {
+  ArrivalCheck check(0.2);
+  std::string said;
+  for (int k = 0; k < 1000; ++k) {
+    const Stamp now = fromSeconds(0.01 * k);
+    const double queue = k % 7 == 0 ? 0.5 : 0.0;
+    said += check.note(Stream::kImu, now - fromSeconds(imu + queue), now);
+    if (k % 10 == 0) said += check.note(Stream::kStereo, now - fromSeconds(features), now);
+  }
+  return said;
+}
+
+TEST(ArrivalCheck, NamesTheStreamThatIsLate) {
+  EXPECT_EQ(saidOfDelays(0.002, 0.08), "");
+  EXPECT_EQ(saidOfDelays(5.0, 5.1), "") << "a clock of their own, but one";
+  EXPECT_NE(
+      saidOfDelays(0.002, 0.5).find("features comes 0.498 s later after its stamp than imu, allowed: 0.2 s"),
+      std::string::npos);
+  EXPECT_NE(saidOfDelays(3.0, 0.0).find("imu comes 3 s later after its stamp than features"),
+            std::string::npos);
+}
+
+/// What is said of a gyro that turns at this rate for 3 s.
+std::string saidOfRate(double rate) {
+  ImuCheck check(9.81);
+  std::string said;
+  check.onProblem([&said](const std::string& text) { said += text; });
+  for (int k = 0; k < 300; ++k) {
+    const ImuSample sample{
+        fromSeconds(0.01 * k), Eigen::Vector3d(0.0, 0.0, rate), {}, Eigen::Vector3d(0, 0, 9.81), {}};
+    check.arrived(sample.stamp);
+    check.note(sample, true);
+  }
+  return said;
+}
+
+TEST(ImuCheck, NamesRatesThatNoGyroSays) {
+  EXPECT_EQ(saidOfRate(20.0), "");
+  EXPECT_EQ(saidOfRate(90.0),
+            "the gyro's rates are up to 90 rad/s, allowed: 70 rad/s; is it in deg/s? it must be in rad/s");
+}
+
+} // namespace
+} // namespace vi_ekf_slam

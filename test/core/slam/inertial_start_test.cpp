@@ -1,0 +1,224 @@
+// How an inertial estimate starts by itself, at rest and in motion, where it refuses to, and where it stands.
+
+#include "flight.hpp"
+
+namespace vi_ekf_slam::test {
+namespace {
+
+FlightOptions startFlight(bool at_rest) {
+  FlightOptions options;
+  options.at_rest = at_rest;
+  options.pixel = 0.3;
+  options.gyro_bias = {0.01, -0.02, 0.015};
+  options.accelerometer_bias = {0.05, -0.05, 0.03};
+  options.heading = 0.7;
+  return options;
+}
+
+/// The vertical along the body's axes.
+Eigen::Vector3d upOf(const Eigen::Matrix3d& R) { return R.transpose().col(2); }
+
+/// Feeds frames until it has started, for 5 s at most.
+template <typename Change>
+void startOf(Flight& flight, InertialEstimator& estimator, const Change& change) {
+  while (!estimator.hasStarted() && flight.seconds() < 5.0) flight.feed(estimator, change);
+}
+void startOf(Flight& flight, InertialEstimator& estimator) {
+  startOf(flight, estimator, [](auto&) {});
+}
+
+class InertialStart : public ::testing::TestWithParam<bool> {};
+
+TEST_P(InertialStart, IsAtTheOriginOfAMapThatPointsUpWithinThreeSeconds) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    const FlightOptions options = startFlight(GetParam());
+    Flight flight(seed, options);
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+    EXPECT_FALSE(estimator.hasStarted());
+    EXPECT_FALSE(estimator.startProblem().empty());
+    EXPECT_TRUE(estimator.landmarks().empty());
+    startOf(flight, estimator);
+    ASSERT_TRUE(estimator.hasStarted()) << seed << ": " << estimator.startProblem();
+    EXPECT_TRUE(estimator.startProblem().empty());
+    EXPECT_LE(flight.seconds(), 3.0 + 1e-6) << seed;
+    const double t = flight.lastSeconds();
+    const SE3 truth = flight.pose(t);
+    const StateEstimate state = estimator.state();
+    EXPECT_EQ(state.stamp, flight.stamp() - fromSeconds(1.0 / options.imu_rate));
+    EXPECT_LT(state.world_T_imu.translation().norm(), 1e-12);
+    EXPECT_NEAR(so3::heading(state.world_T_imu.rotation()), 0.0, 1e-12);
+    const double tilt = std::acos(upOf(state.world_T_imu.rotation()).dot(upOf(truth.rotation())));
+    const Eigen::VectorXd sigma = state.pose_covariance.diagonal().cwiseSqrt();
+    EXPECT_LT(tilt, 4.0 * sigma.segment<2>(3).norm()) << seed;
+    EXPECT_LT(tilt, 0.05) << seed;
+    for (const Eigen::Index known : {0, 1, 2, 5}) EXPECT_LT(sigma[known], 1e-5);
+    const Eigen::Vector3d v = truth.rotation().transpose() * flight.velocity(t);
+    EXPECT_LT((state.twist.head<3>() - v).norm(),
+              4.0 * std::sqrt(state.twist_covariance.topLeftCorner<3, 3>().trace()))
+        << seed;
+    // And it goes on well.
+    const SE3 map_T_world = levelled(state.world_T_imu, truth) * truth.inverse();
+    while (flight.seconds() < 8.0) ASSERT_EQ(flight.feed(estimator).divergence, Divergence::kNone);
+    const SE3 expected = map_T_world * flight.pose(flight.lastSeconds());
+    const double position_sigma = std::sqrt(estimator.state().pose_covariance.topLeftCorner<3, 3>().trace());
+    EXPECT_LT((estimator.state().world_T_imu.translation() - expected.translation()).norm(),
+              std::min(4.0 * position_sigma, 0.2))
+        << seed;
+    EXPECT_LT(so3::Log(estimator.state().world_T_imu.rotation().transpose() * expected.rotation()).norm(),
+              0.02)
+        << seed;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(AtRest, InertialStart, ::testing::Bool());
+
+/// All that it says in 5 s in which `change` is made of what is measured; it must not start.
+template <typename Change>
+std::string problemsWith(bool at_rest, unsigned seed, const Change& change) {
+  const FlightOptions options = startFlight(at_rest);
+  Flight flight(seed, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+  std::string all;
+  while (!estimator.hasStarted() && flight.seconds() < 5.0) {
+    flight.feed(estimator, change);
+    all += estimator.startProblem() + "\n";
+  }
+  EXPECT_FALSE(estimator.hasStarted()) << "seed " << seed;
+  return all;
+}
+
+/// Of the accelerations alone.
+template <typename Change>
+auto ofAccelerations(const Change& change) {
+  return [change](auto& measurement) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(measurement)>, ImuSample>)
+      *measurement.acceleration = change(*measurement.acceleration);
+  };
+}
+
+TEST(InertialStart, RefusesAccelerationsInUnitsOfGravityAndSaysSo) {
+  for (const bool at_rest : {false, true}) {
+    for (unsigned seed = 0; seed < 3; ++seed) {
+      const std::string problem = problemsWith(at_rest, seed, ofAccelerations([](const Eigen::Vector3d& a) {
+                                                 return Eigen::Vector3d(a / kGravity);
+                                               }));
+      EXPECT_NE(problem.find("are the accelerations in g?"), std::string::npos) << problem;
+    }
+  }
+}
+
+// Some drivers take gravity away: at rest that is nothing at all.
+TEST(InertialStart, RefusesAccelerationsWithoutGravityAndSaysSo) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    const std::string problem = problemsWith(true, seed, ofAccelerations([](const Eigen::Vector3d& a) {
+                                               return Eigen::Vector3d(a - kGravity * a.normalized());
+                                             }));
+    EXPECT_NE(problem.find("gravity is not explained"), std::string::npos) << problem;
+    EXPECT_NE(problem.find("9.81"), std::string::npos) << problem;
+  }
+}
+
+// At rest nothing tells; in motion the pictures do.
+TEST(InertialStart, RefusesAnImuWhoseAxesAreOthersAndSaysSo) {
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    const std::string problem = problemsWith(false, seed, ofAccelerations([](const Eigen::Vector3d& a) {
+                                               return Eigen::Vector3d(a.x(), a.z(), -a.y());
+                                             }));
+    EXPECT_NE(problem.find("are the IMU's axes those of the transform"), std::string::npos) << problem;
+  }
+}
+
+TEST(InertialStart, SaysWhatItWaitsFor) {
+  const FlightOptions options = startFlight(false);
+  Flight flight(1, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+  EXPECT_EQ(estimator.startProblem(), "waits for frames");
+  const auto blind = [](auto& measurement) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(measurement)>, StereoFrame>)
+      measurement.features.clear();
+  };
+  for (int i = 0; i < 20; ++i) flight.feed(estimator, blind);
+  EXPECT_EQ(estimator.startProblem(), "waits for frames with features");
+  // It starts as soon as there are.
+  const double then = flight.seconds();
+  startOf(flight, estimator);
+  EXPECT_TRUE(estimator.hasStarted());
+  EXPECT_LE(flight.seconds() - then, 2.0 + 1e-6);
+  // Frames alone are not enough.
+  InertialEstimator other = inertialEstimator(inertialConfig(options, options.pixel));
+  Flight silent(2, options);
+  for (int i = 0; i < 15; ++i) {
+    for (int k = 0; k < 20; ++k) silent.sample();
+    other.process(silent.frame());
+  }
+  EXPECT_FALSE(other.hasStarted());
+  EXPECT_EQ(other.startProblem(), "waits for the IMU");
+}
+
+TEST(InertialStart, GoesOnFromAGivenState) {
+  Eigen::Matrix<double, 15, 1> sigma;
+  sigma << 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05;
+  const FlightOptions options = startFlight(false);
+  Flight flight(3, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+  for (int i = 0; i < 3; ++i) flight.sample();
+  const InitialState state = flight.initialState(sigma, Eigen::Matrix<double, 15, 1>::Zero());
+  EXPECT_TRUE(estimator.begin(state));
+  EXPECT_FALSE(estimator.hasStarted());
+  flight.feedSample(estimator, [](auto&) {});
+  ASSERT_TRUE(estimator.hasStarted());
+  EXPECT_FALSE(estimator.begin(state)) << "it has begun";
+  EXPECT_LT(distance(estimator.state().world_T_imu.matrix(), state.world_T_imu.matrix()), 1e-9);
+  EXPECT_LT(
+      relativeDistance(estimator.state().pose_covariance, Matrix6d(state.covariance.topLeftCorner<6, 6>())),
+      1e-6);
+  while (flight.seconds() < 5.0) flight.feed(estimator);
+  const SE3 truth = flight.pose(flight.lastSeconds());
+  EXPECT_LT((estimator.state().world_T_imu.translation() - truth.translation()).norm(), 0.08);
+  EXPECT_LT(so3::Log(estimator.state().world_T_imu.rotation().transpose() * truth.rotation()).norm(), 0.03);
+}
+
+TEST(InertialStart, DoesNotGoOnFromAStateOfLongAgo) {
+  Eigen::Matrix<double, 15, 1> sigma;
+  sigma << 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05;
+  const FlightOptions options = startFlight(false);
+  Flight flight(4, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+  EXPECT_TRUE(estimator.begin(flight.initialState(sigma, Eigen::Matrix<double, 15, 1>::Zero())));
+  flight.skip(600.0);
+  flight.feedSample(estimator, [](auto&) {});
+  EXPECT_FALSE(estimator.hasStarted());
+  EXPECT_NE(estimator.startProblem().find("600 s older than the first measurement"), std::string::npos)
+      << estimator.startProblem();
+  // Then it starts by itself.
+  for (int i = 0; i < 30 && !estimator.hasStarted(); ++i) flight.feed(estimator);
+  EXPECT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+}
+
+TEST(InertialStandstill, DoesNotDriftAndLearnsTheGyrosBias) {
+  FlightOptions options = startFlight(true);
+  options.imu_rate = 400.0;
+  options.pixel = 0.1;
+  options.points = 60;
+  options.noise.gyro_walk = 1e-6;
+  Flight flight(5, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options));
+  startOf(flight, estimator);
+  ASSERT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+  const SE3 begin = estimator.state().world_T_imu;
+  while (flight.seconds() < 60.0) ASSERT_EQ(flight.feed(estimator).divergence, Divergence::kNone);
+  const StateEstimate state = estimator.state();
+  EXPECT_LT((state.world_T_imu.translation() - begin.translation()).norm(), 0.01);
+  EXPECT_LT(so3::Log(begin.rotation().transpose() * state.world_T_imu.rotation()).norm(), 0.01);
+  EXPECT_LT(state.twist.head<3>().norm(), 5e-3);
+  EXPECT_LT(std::sqrt(state.twist_covariance.diagonal().head<3>().maxCoeff()), 0.01);
+  const SavedMap map = estimator.savedMap()();
+  const Eigen::Vector3d error = savedVariable(map, Inertial::kGyroBias) - flight.gyroBias();
+  const Eigen::Vector3d sigma = map.covariance.diagonal().segment<3>(9).cwiseSqrt();
+  EXPECT_LT(error.norm(), 5e-4);
+  EXPECT_LT(sigma.maxCoeff(), 5e-4);
+  EXPECT_LT(error.cwiseQuotient(sigma).norm(), 4.5);
+}
+
+} // namespace
+} // namespace vi_ekf_slam::test

@@ -1,0 +1,135 @@
+#include <gtest/gtest.h>
+
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <string>
+
+#include "slanted_plane.hpp"
+
+/// Each picture that no camera should send: the front end says what is wrong, and goes on afterwards.
+namespace vi_ekf_slam {
+namespace {
+
+class BadPictures : public testing::Test {
+ protected:
+  StereoImages look() {
+    ++frame_;
+    return wall_.look({Eigen::Matrix3d::Identity(), {0.01 * frame_, 0.0, 0.0}}, stamp());
+  }
+  Stamp stamp() const { return 5'000'000'000 + frame_ * 50'000'000LL; }
+
+  /// A good pair, the bad one, and a good one again.
+  template <typename Spoil>
+  void expectSurvived(const Spoil& spoil, const std::string& problem) {
+    front_end_.process(look());
+    const auto before = ids();
+    ASSERT_GT(before.size(), kCount / 2);
+    StereoImages images = look();
+    spoil(images);
+    const StereoFrame bad = front_end_.process(images);
+    EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find(problem))
+        << problemOf(front_end_.report());
+    EXPECT_TRUE(bad.features.empty());
+    const StereoFrame good = front_end_.process(look());
+    EXPECT_EQ("", problemOf(front_end_.report()));
+    EXPECT_GT(good.features.size(), kCount / 2);
+    std::size_t same = 0;
+    for (const FeatureId id : ids()) same += before.count(id);
+    EXPECT_GT(same, before.size() * 7 / 10); // the tracks are bridged
+  }
+
+  std::set<FeatureId> ids() const {
+    std::set<FeatureId> all;
+    for (const Track& track : front_end_.tracks()) all.insert(track.id);
+    return all;
+  }
+
+  SlantedPlane wall_{testCalibration()};
+  FrontEnd front_end_{testCalibration(), {kCount}};
+  int frame_ = 0;
+};
+
+TEST_F(BadPictures, black) {
+  expectSurvived([](StereoImages& i) { i.left.setTo(3); }, "left picture: black");
+  expectSurvived([](StereoImages& i) { i.right.setTo(0); }, "right picture: black");
+}
+
+TEST_F(BadPictures, overexposed) {
+  expectSurvived([](StereoImages& i) { i.left.convertTo(i.left, -1, 1.0, 200.0); },
+                 "left picture: overexposed");
+}
+
+TEST_F(BadPictures, covered) {
+  expectSurvived([](StereoImages& i) { i.right.setTo(120); }, "right picture: of one brightness");
+}
+
+TEST_F(BadPictures, of_another_size_or_type) {
+  expectSurvived([](StereoImages& i) { cv::resize(i.left, i.left, {}, 0.5, 0.5); },
+                 "not of camera_info's size");
+  expectSurvived([](StereoImages& i) { i.right.convertTo(i.right, CV_16U); },
+                 "right picture: not of camera_info's");
+  expectSurvived([](StereoImages& i) { i.left = cv::Mat(); }, "left picture: not of camera_info's size");
+}
+
+TEST_F(BadPictures, half_missing) {
+  front_end_.process(look());
+  StereoImages images = look();
+  images.left.rowRange(120, 240).setTo(0);
+  const StereoFrame half = front_end_.process(images);
+  EXPECT_EQ(PictureFault::kPartlyUniform, front_end_.report().left);
+  EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find("partly missing"));
+  EXPECT_GT(half.features.size(), kCount / 5);
+  for (const auto& f : half.features) EXPECT_LT(f.pixels[1], 125.0);
+  front_end_.process(look());
+  EXPECT_GT(front_end_.process(look()).features.size(), kCount / 2);
+}
+
+TEST_F(BadPictures, blurred) {
+  front_end_.process(look());
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    cv::GaussianBlur(images.left, images.left, {}, 10.0);
+    cv::GaussianBlur(images.right, images.right, {}, 10.0);
+    front_end_.process(images);
+  }
+  EXPECT_TRUE(front_end_.report().without_texture);
+  EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find("blurred"));
+  for (int k = 0; k < 8; ++k) front_end_.process(look());
+  EXPECT_EQ("", problemOf(front_end_.report()));
+  EXPECT_GT(front_end_.report().matched, kCount / 2);
+}
+
+TEST_F(BadPictures, left_and_right_exchanged) {
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    std::swap(images.left, images.right);
+    EXPECT_LT(front_end_.process(images).features.size(), kCount / 10);
+    EXPECT_TRUE(front_end_.report().exchanged);
+  }
+  EXPECT_EQ("left and right look exchanged", problemOf(front_end_.report()));
+}
+
+TEST_F(BadPictures, a_stamp_that_does_not_advance_is_refused_and_a_jump_back_begins_anew) {
+  front_end_.process(look());
+  const auto before = ids();
+  StereoImages images = look();
+  images.stamp -= 50'000'000;
+  EXPECT_TRUE(front_end_.process(images).features.empty());
+  EXPECT_TRUE(front_end_.report().stamp_refused);
+  EXPECT_EQ(before, ids());
+  images.stamp -= 3'000'000'000;
+  EXPECT_FALSE(front_end_.process(images).features.empty());
+  EXPECT_TRUE(front_end_.report().begun_anew);
+  for (const FeatureId id : ids()) EXPECT_EQ(0u, before.count(id)); // no id returns as another point
+}
+
+TEST_F(BadPictures, tracks_do_not_outlive_a_long_gap) {
+  front_end_.process(look());
+  frame_ += 20;
+  front_end_.process(look());
+  EXPECT_TRUE(front_end_.report().begun_anew);
+  EXPECT_EQ(0u, front_end_.report().followed);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

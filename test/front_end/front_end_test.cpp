@@ -1,0 +1,216 @@
+#include "vi_ekf_slam/front_end/front_end.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "slanted_plane.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr Stamp kPeriod = 50'000'000; // ns
+
+/// The camera drifts sideways and ahead, and turns.
+SE3 poseAt(int frame) {
+  const double t = 0.05 * frame;
+  return {so3::Exp({0.05 * t, 0.08 * t, 0.1 * t}), {0.3 * t, -0.1 * t, 0.4 * t}};
+}
+
+Stamp stampAt(int frame) { return 1'000'000'000 + frame * kPeriod; }
+
+/// Errors of one run, px.
+struct Errors {
+  double flow = 0.0, left_right = 0.0; ///< RMS along a track since it began, and of the disparity
+  double worst = 0.0;
+  std::size_t observations = 0, matched_first = 0, ids = 0, longest = 0;
+};
+
+Errors follow(const StereoCalibration& calibration, int frames) {
+  const SlantedPlane wall(calibration);
+  FrontEnd front_end(calibration, {kCount});
+  struct Begin {
+    Eigen::Vector3d point;
+    std::size_t seen;
+  };
+  std::map<FeatureId, Begin> began;
+  Errors errors;
+  for (int k = 0; k < frames; ++k) {
+    const StereoFrame frame = front_end.process(wall.look(poseAt(k), stampAt(k)));
+    EXPECT_EQ(stampAt(k), frame.stamp);
+    for (const auto& f : frame.features) {
+      const auto place = wall.pointAt(poseAt(k), f.pixels.head<2>());
+      auto& track = began.try_emplace(f.id, Begin{place, 0}).first->second;
+      const StereoPixels flow = f.pixels - calibration.camera.project(poseAt(k).inverse() * track.point);
+      const StereoPixels here = f.pixels - calibration.camera.project(poseAt(k).inverse() * place);
+      errors.flow += flow.head<2>().squaredNorm() / 2.0;
+      errors.left_right += here.tail<2>().squaredNorm() / 2.0;
+      errors.worst = std::max(errors.worst, flow.head<2>().norm());
+      errors.longest = std::max(errors.longest, ++track.seen);
+      ++errors.observations;
+    }
+    if (k == 0) errors.matched_first = frame.features.size();
+  }
+  errors.ids = began.size();
+  errors.flow = std::sqrt(errors.flow / static_cast<double>(errors.observations));
+  errors.left_right = std::sqrt(errors.left_right / static_cast<double>(errors.observations));
+  return errors;
+}
+
+void expectAccurate(const Errors& errors, int frames) {
+  EXPECT_LT(errors.flow, 0.1);
+  EXPECT_LT(errors.left_right, 0.1);
+  EXPECT_LT(errors.worst, 1.0);
+  EXPECT_GT(errors.observations, kCount * static_cast<std::size_t>(frames) * 8 / 10);
+  EXPECT_GT(errors.matched_first, kCount * 6 / 10); // a strip is not in the right image
+  EXPECT_EQ(errors.longest, static_cast<std::size_t>(frames));
+  EXPECT_LT(errors.ids, 3 * kCount); // of which most have left the view
+}
+
+TEST(FrontEnd, follows_points_of_rectified_images_to_a_tenth_of_a_pixel) {
+  expectAccurate(follow(testCalibration(), 30), 30);
+}
+
+TEST(FrontEnd, follows_points_of_raw_images_to_a_tenth_of_a_rectified_pixel) {
+  expectAccurate(follow(distortedCalibration(CameraModel::Distortion::kPolynomial), 30), 30);
+  expectAccurate(follow(distortedCalibration(CameraModel::Distortion::kEquidistant), 30), 30);
+}
+
+TEST(FrontEnd, gives_no_id_twice_and_every_feature_a_noise_and_a_descriptor) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  std::set<FeatureId> ended, alive;
+  for (int k = 0; k < 20; ++k) {
+    const StereoFrame frame = front_end.process(wall.look(poseAt(2 * k), stampAt(k)));
+    std::set<FeatureId> now;
+    for (const auto& f : frame.features) {
+      EXPECT_TRUE(now.insert(f.id).second);
+      EXPECT_GT(f.sigma, 0.5);
+      EXPECT_LT(f.sigma, 1.0);
+      EXPECT_EQ(static_cast<double>(static_cast<float>(f.sigma)), f.sigma); // a message holds it as it is
+      EXPECT_TRUE(f.descriptor);
+    }
+    std::set<FeatureId> tracks;
+    for (const Track& track : front_end.tracks()) tracks.insert(track.id);
+    for (const FeatureId id : alive) {
+      if (tracks.count(id) == 0) ended.insert(id);
+    }
+    for (const FeatureId id : tracks) EXPECT_EQ(0u, ended.count(id));
+    alive = tracks;
+  }
+  EXPECT_GT(ended.size(), 5u);
+}
+
+TEST(FrontEnd, says_of_rows_that_do_not_fit_how_much_noise_they_are) {
+  const SlantedPlane wall(testCalibration());
+  const auto sigmas = [&](bool is_shifted) {
+    FrontEnd front_end(testCalibration(), {kCount});
+    StereoFrame frame;
+    for (int k = 0; k < 10; ++k) {
+      StereoImages images = wall.look(poseAt(k), stampAt(k));
+      if (is_shifted) { // the right camera hangs 1 px low
+        images.right.rowRange(0, 239).clone().copyTo(images.right.rowRange(1, 240));
+      }
+      frame = front_end.process(images);
+    }
+    double sum = 0.0;
+    for (const auto& f : frame.features) sum += f.sigma * f.sigma;
+    return sum / static_cast<double>(frame.features.size());
+  };
+  // px^2, of each of the two rows; ten residuals beside a prior that counts as five.
+  EXPECT_NEAR(0.5 * 10.0 / 15.0, sigmas(true) - sigmas(false), 0.08);
+}
+
+TEST(FrontEnd, describes_a_point_alike_from_image_to_image_and_unlike_its_neighbours) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  const auto first = front_end.process(wall.look(poseAt(0), stampAt(0))).features;
+  const auto later = front_end.process(wall.look(poseAt(3), stampAt(1))).features;
+  const auto distance = [](const Descriptor& a, const Descriptor& b) {
+    int bits = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) bits += __builtin_popcount(static_cast<unsigned>(a[i] ^ b[i]));
+    return bits;
+  };
+  double same = 0.0, other = 0.0, pairs = 0.0, others = 0.0;
+  for (const auto& a : first) {
+    for (const auto& b : later) {
+      (a.id == b.id ? same : other) += distance(*a.descriptor, *b.descriptor);
+      (a.id == b.id ? pairs : others) += 1.0;
+    }
+  }
+  ASSERT_GT(pairs, 30.0);
+  EXPECT_LT(same / pairs, 40.0);
+  EXPECT_GT(other / others, 100.0);
+}
+
+TEST(FrontEnd, is_deterministic_whatever_the_threads) {
+  const SlantedPlane wall(testCalibration());
+  const auto run = [&](int threads) {
+    cv::setNumThreads(threads);
+    FrontEnd front_end(testCalibration(), {kCount});
+    std::vector<double> all;
+    for (int k = 0; k < 8; ++k) {
+      for (const auto& f : front_end.process(wall.look(poseAt(k), stampAt(k))).features) {
+        all.insert(all.end(),
+                   {static_cast<double>(f.id), f.pixels[0], f.pixels[1], f.pixels[2], f.pixels[3], f.sigma});
+        for (const auto byte : *f.descriptor) all.push_back(byte);
+      }
+    }
+    return all;
+  };
+  const auto one = run(1), four = run(4);
+  cv::setNumThreads(-1);
+  EXPECT_EQ(one, four);
+}
+
+TEST(FrontEnd, the_gyro_finds_tracks_after_a_turn_that_flow_alone_cannot_bridge) {
+  const SlantedPlane wall(testCalibration());
+  const double rate = 3.0; // rad/s about the optical axis' vertical: 45 px in a frame
+  const auto turned = [&](int k) {
+    return SE3(so3::Exp({0.0, rate * 0.05 * k, 0.0}), Eigen::Vector3d::Zero());
+  };
+  const Eigen::Matrix3d cam_R_imu = so3::Exp({0.3, -1.2, 0.5});
+  const auto followed = [&](bool with_gyro) {
+    FrontEnd front_end(testCalibration(), {kCount});
+    front_end.setImuRotation(cam_R_imu);
+    for (int i = -10; with_gyro && i <= 20; ++i) {
+      ImuSample sample;
+      sample.stamp = stampAt(0) + i * 10'000'000;
+      sample.angular_velocity = cam_R_imu.transpose() * Eigen::Vector3d(0.0, rate, 0.0);
+      front_end.addImu(sample);
+    }
+    front_end.process(wall.look(turned(0), stampAt(0)));
+    front_end.process(wall.look(turned(1), stampAt(1)));
+    EXPECT_EQ(with_gyro, front_end.report().rotation_known);
+    return front_end.report().followed;
+  };
+  EXPECT_GT(followed(true), 35u); // the others leave the image
+  EXPECT_GT(followed(true), 2 * followed(false));
+}
+
+TEST(FrontEnd, ends_the_tracks_of_what_moves_against_the_others) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  std::size_t rejected = 0;
+  for (int k = 0; k < 6; ++k) {
+    StereoImages images = wall.look(poseAt(k), stampAt(k));
+    // A poster that falls in front of both cameras, 8 px a frame.
+    const cv::Rect poster(100, 60 + 8 * k, 90, 60);
+    for (cv::Mat* image : {&images.left, &images.right}) {
+      const cv::Rect there = poster - cv::Point(image == &images.right ? 30 : 0, 0);
+      cv::Mat texture(poster.size(), CV_8UC1);
+      cv::RNG(3).fill(texture, cv::RNG::UNIFORM, 0, 256);
+      cv::GaussianBlur(texture, texture, {}, 2.0);
+      cv::normalize(texture, texture, 0, 255, cv::NORM_MINMAX);
+      texture.copyTo((*image)(there));
+    }
+    front_end.process(images);
+    rejected += front_end.report().rejected;
+  }
+  EXPECT_GT(rejected, 5u);
+}
+
+} // namespace
+} // namespace vi_ekf_slam

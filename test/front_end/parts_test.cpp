@@ -1,0 +1,244 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "slanted_plane.hpp"
+#include "vi_ekf_slam/front_end/anchor_patch.hpp"
+#include "vi_ekf_slam/front_end/image_pairing.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using Distortion = CameraModel::Distortion;
+
+void expectRoundTrip(const CameraModel& model, double tolerance) {
+  std::vector<cv::Point2f> pixels;
+  for (int v = 5; v < model.size().height; v += 23)
+    for (int u = 5; u < model.size().width; u += 31)
+      pixels.emplace_back(static_cast<float>(u), static_cast<float>(v));
+  const auto back = model.unrectify(model.rectify(pixels));
+  ASSERT_EQ(pixels.size(), back.size());
+  for (std::size_t i = 0; i < pixels.size(); ++i)
+    EXPECT_LT(cv::norm(pixels[i] - back[i]), tolerance) << pixels[i];
+}
+
+CameraModel::Parameters rational() {
+  auto p = distortedCalibration(Distortion::kPolynomial).left.parameters();
+  p.D = {0.5, 0.1, 1e-4, -2e-4, 0.01, 0.85, 0.2, 0.04};
+  return p;
+}
+
+TEST(CameraModel, unrectify_undoes_rectify_for_every_distortion) {
+  expectRoundTrip(distortedCalibration(Distortion::kPolynomial).right, 1e-3);
+  expectRoundTrip(distortedCalibration(Distortion::kEquidistant).right, 1e-3);
+  expectRoundTrip(CameraModel(rational()), 1e-3);
+  expectRoundTrip(testCalibration().left, 1e-6);
+}
+
+TEST(CameraModel, points_that_the_lens_does_not_show_come_out_far_outside) {
+  for (const auto distortion : {Distortion::kPolynomial, Distortion::kEquidistant}) {
+    const CameraModel model = distortedCalibration(distortion).left;
+    for (const auto& pixel : model.unrectify({{1e5, 0.0}, {-1e5, 1e5}})) EXPECT_FALSE(model.contains(pixel));
+  }
+}
+
+TEST(CameraModel, says_what_is_rectified_already) {
+  EXPECT_FALSE(isRectified(distortedCalibration(Distortion::kPolynomial).left.parameters()));
+  CameraModel::Parameters p;
+  p.size = {320, 240};
+  p.K = p.P = {300.0, 0.0, 159.5, 0.0, 300.0, 119.5, 0.0, 0.0, 1.0};
+  p.D = {0.0, 0.0, 0.0, 0.0, 0.0};
+  EXPECT_TRUE(isRectified(p));
+  p.R(0, 1) = 1e-3;
+  EXPECT_FALSE(isRectified(p));
+}
+
+TEST(CameraModel, names_what_it_cannot_use) {
+  const auto problem = [](const CameraModel::Parameters& p) {
+    try {
+      const CameraModel model(p);
+    } catch (const std::invalid_argument& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  auto p = rational();
+  p.D.resize(6);
+  EXPECT_NE(std::string::npos, problem(p).find("D has 6 coefficients, allowed: 4 (equidistant), 0, 4 or 5"));
+  p = rational();
+  p.R(0, 0) = 2.0;
+  EXPECT_NE(std::string::npos, problem(p).find("R is not a rotation"));
+  p = rational();
+  p.K(0, 0) = 0.0;
+  EXPECT_NE(std::string::npos, problem(p).find("focal lengths in K must be positive"));
+  p = rational();
+  p.size = {0, 0};
+  EXPECT_NE(std::string::npos, problem(p).find("width x height is 0 x 0, allowed: 32 to 16384 px"));
+}
+
+TEST(AnchorPatch, finds_itself_turned_scaled_and_in_other_light) {
+  cv::Mat image(200, 200, CV_8UC1);
+  cv::RNG(5).fill(image, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(image, image, {}, 2.5);
+  cv::normalize(image, image, 40, 200, cv::NORM_MINMAX);
+  const auto patch = AnchorPatch::cut(image, {100.0f, 90.0f});
+  ASSERT_TRUE(patch);
+  // 1.04 times as large, turned by 0.05 rad, shifted by fractions of a pixel, brighter with less contrast.
+  const float c = 1.04f * std::cos(0.05f), s = 1.04f * std::sin(0.05f);
+  const cv::Matx23f warp(c, -s, 100.37f - c * 100 + s * 90, s, c, 89.81f - s * 100 - c * 90);
+  cv::Mat moved;
+  cv::warpAffine(image, moved, warp, image.size(), cv::INTER_CUBIC);
+  moved.convertTo(moved, -1, 0.8, 30.0);
+  const auto fit = patch->align(moved, {{100.9f, 89.3f}});
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(100.37f, fit->warp.centre.x(), 0.03f);
+  EXPECT_NEAR(89.81f, fit->warp.centre.y(), 0.03f);
+  EXPECT_NEAR(c, fit->warp.shape(0, 0), 0.02f);
+  EXPECT_NEAR(-s, fit->warp.shape(0, 1), 0.02f);
+  EXPECT_GT(fit->correlation, 0.99);
+}
+
+TEST(AnchorPatch, is_nothing_without_contrast_or_beyond_the_image) {
+  const cv::Mat grey(100, 100, CV_8UC1, cv::Scalar(90));
+  EXPECT_FALSE(AnchorPatch::cut(grey, {50.0f, 50.0f}));
+  cv::Mat noise(100, 100, CV_8UC1);
+  cv::RNG(1).fill(noise, cv::RNG::UNIFORM, 0, 256);
+  EXPECT_FALSE(AnchorPatch::cut(noise, {3.0f, 50.0f}));
+  EXPECT_FALSE(AnchorPatch::cut(noise, {std::nanf(""), 50.0f}));
+  EXPECT_FALSE(AnchorPatch::cut(noise, {50.0f, 50.0f})->align(grey, {{50.0f, 50.0f}}));
+}
+
+TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
+  const SE3 truth(so3::Exp({0.01, -0.03, 0.02}), {0.1, -0.05, -0.4});
+  cv::RNG random(9);
+  std::vector<Displacement> displacements;
+  for (int i = 0; i < 60; ++i) {
+    const Eigen::Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(3.0, 9.0));
+    Eigen::Vector2d now = kTestCamera.project(truth * p).head<2>();
+    if (i % 3 == 0) now += Eigen::Vector2d(random.uniform(-60.0, 60.0), random.uniform(-60.0, 60.0));
+    displacements.push_back({p, now});
+  }
+  const auto motion = estimateMotion(kTestCamera, displacements, SE3());
+  ASSERT_TRUE(motion);
+  EXPECT_LT((motion->inverse() * truth).Log().norm(), 0.02);
+  displacements.resize(5);
+  EXPECT_FALSE(estimateMotion(kTestCamera, displacements, SE3()));
+}
+
+TEST(GyroRotation, integrates_between_samples_and_knows_where_they_end) {
+  GyroRotation gyro;
+  for (int i = 0; i <= 10; ++i) {
+    ImuSample sample;
+    sample.stamp = 1'000'000'000 + i * 10'000'000;
+    sample.angular_velocity = {0.0, 0.0, 2.0 + 0.1 * i}; // rad/s, linear in time
+    gyro.add(sample);
+  }
+  const auto turned = gyro.between(1'005'000'000, 1'087'000'000);
+  ASSERT_TRUE(turned);
+  const double from = 0.005, to = 0.087;
+  EXPECT_NEAR(2.0 * (to - from) + 5.0 * (to * to - from * from), so3::Log(*turned).z(), 1e-12);
+  EXPECT_FALSE(gyro.between(999'000'000, 1'050'000'000));
+  EXPECT_FALSE(gyro.between(1'050'000'000, 1'101'000'000));
+  gyro.forgetBefore(1'055'000'000);
+  EXPECT_TRUE(gyro.between(1'055'000'000, 1'060'000'000));
+  ImuSample again;
+  again.stamp = 50'000'000; // a bag that loops
+  gyro.add(again);
+  EXPECT_EQ(50'000'000, *gyro.newest());
+}
+
+PendingImage at(double seconds) {
+  return {fromSeconds(seconds), [] { return cv::Mat(); }};
+}
+
+class Pairing : public testing::Test {
+ protected:
+  std::vector<Stamp> popAll() {
+    std::vector<Stamp> stamps; // ms
+    while (const auto pair = pairing_.pop()) stamps.push_back(pair->left.stamp / 1'000'000);
+    return stamps;
+  }
+  ImagePairing pairing_{{0.005, 0.2}};
+};
+
+TEST_F(Pairing, takes_the_two_images_of_an_exposure_whichever_comes_first) {
+  pairing_.expectGyro(false);
+  pairing_.addRight(at(1.002));
+  pairing_.addLeft(at(1.0));
+  pairing_.addLeft(at(1.1));
+  pairing_.addLeft(at(1.2));
+  pairing_.addRight(at(1.2));
+  EXPECT_EQ((std::vector<Stamp>{1000, 1200}), popAll());
+  EXPECT_EQ(1u, pairing_.counts().left_alone);
+  pairing_.addRight(at(1.15));
+  EXPECT_EQ(1u, pairing_.counts().disordered);
+}
+
+TEST_F(Pairing, counts_the_images_of_a_camera_whose_partner_is_silent) {
+  for (int i = 0; i < 20; ++i) pairing_.addLeft(at(1.0 + 0.1 * i));
+  EXPECT_TRUE(popAll().empty());
+  EXPECT_EQ(17u, pairing_.counts().left_alone); // the last 0.2 s may still get one
+}
+
+TEST_F(Pairing, holds_a_pair_until_the_gyro_has_reported_up_to_it) {
+  for (const double t : {1.0, 1.1}) {
+    pairing_.addLeft(at(t));
+    pairing_.addRight(at(t));
+  }
+  pairing_.noteGyro(fromSeconds(0.99));
+  EXPECT_TRUE(popAll().empty());
+  pairing_.noteGyro(fromSeconds(1.005));
+  EXPECT_EQ(std::vector<Stamp>{1000}, popAll());
+  pairing_.close();
+  EXPECT_EQ(std::vector<Stamp>{1100}, popAll());
+}
+
+TEST_F(Pairing, does_not_wait_for_a_silent_gyro_for_ever) {
+  for (int i = 0; i < 5; ++i) {
+    pairing_.addLeft(at(1.0 + 0.1 * i));
+    pairing_.addRight(at(1.0 + 0.1 * i));
+    if (i < 3) {
+      EXPECT_TRUE(popAll().empty());
+    }
+  }
+  EXPECT_EQ(5u, popAll().size()); // after the first that waited in vain none does
+  EXPECT_EQ(1u, pairing_.counts().without_gyro);
+}
+
+TEST_F(Pairing, one_that_is_held_waits_as_long_and_no_longer) {
+  pairing_.expectGyro(false);
+  pairing_.hold(true);
+  for (int i = 0; i < 5; ++i) {
+    pairing_.addLeft(at(1.0 + 0.1 * i));
+    pairing_.addRight(at(1.0 + 0.1 * i));
+  }
+  EXPECT_EQ((std::vector<Stamp>{1000, 1100}), popAll());
+  pairing_.hold(false);
+  EXPECT_EQ((std::vector<Stamp>{1200, 1300, 1400}), popAll());
+}
+
+TEST_F(Pairing, sheds_what_is_older_than_the_newest_pair_and_counts_it) {
+  pairing_.expectGyro(false);
+  for (int i = 0; i < 3; ++i) {
+    pairing_.addLeft(at(1.0 + 0.03 * i));
+    pairing_.addRight(at(1.0 + 0.03 * i));
+  }
+  EXPECT_EQ(fromSeconds(1.06), pairing_.popNewest()->left.stamp);
+  EXPECT_FALSE(pairing_.popNewest());
+  EXPECT_EQ(2u, pairing_.counts().shed);
+}
+
+TEST_F(Pairing, begins_anew_when_time_jumps_back) {
+  pairing_.expectGyro(false);
+  for (const double t : {5.0, 5.1, 1.0, 1.1}) {
+    pairing_.addLeft(at(t));
+    pairing_.addRight(at(t));
+  }
+  EXPECT_EQ((std::vector<Stamp>{5000, 5100, 1000, 1100}), popAll());
+}
+
+} // namespace
+} // namespace vi_ekf_slam

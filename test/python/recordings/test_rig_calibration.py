@@ -1,0 +1,208 @@
+"""Calibration as people have it: what is read of each format, what is written, what is refused."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import pytest
+import rosbag
+import yaml
+from conftest import HANG_S
+from folders import IMU, asl_folder, kitti_raw_folder
+
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.recordings.calibration_importer import main
+from vi_ekf_slam.recordings.rig_calibration import read_calibration
+from vi_ekf_slam.ros.private_ros import child, ros_master
+
+KALIBR_IMU = IMU.split("\n", 1)[1].replace("rate_hz", "update_rate")
+IMU_R_CAM = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+
+
+def imu_T(x, y):
+    """Pose of a camera of SENSOR on the IMU."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = IMU_R_CAM, [x, y, 0.05]
+    return pose
+
+
+def write_camchain(folder, second="T_cn_cnm1", **changes):
+    """Kalibr's file of the rig that asl_folder has."""
+    camera = {"camera_model": "pinhole", "intrinsics": [50.0, 51.0, 31.0, 24.5], "distortion_model": "radtan",
+              "distortion_coeffs": [-0.28, 0.07, 0.0002, 0.00002], "resolution": [64, 48]}
+    left, right = imu_T(0.1, 0.05), imu_T(0.1, -0.06)
+    other = inverse(right) if second == "T_cam_imu" else inverse(right) @ left
+    cameras = {"cam0": dict(camera, T_cam_imu=inverse(left).tolist(), timeshift_cam_imu=-0.004),
+               "cam1": dict(camera, **{second: other.tolist()})}
+    cameras["cam0"].update(changes)
+    path = folder / "camchain-imucam.yaml"
+    path.write_text(yaml.safe_dump(cameras))
+    return path
+
+
+def ros_yaml(camera):
+    """A recording.Camera as ROS's camera_calibration writes it."""
+    def matrix(array):
+        return {"rows": int(np.atleast_2d(array).shape[0]), "cols": int(np.atleast_2d(array).shape[1]),
+                "data": [float(v) for v in np.ravel(array)]}
+    return yaml.safe_dump({
+        "image_width": camera.size[0], "image_height": camera.size[1], "camera_name": "a", "distortion_model": camera.model,
+        "camera_matrix": matrix(camera.intrinsics), "distortion_coefficients": matrix(camera.distortion),
+        "rectification_matrix": matrix(camera.rectification), "projection_matrix": matrix(camera.projection)})
+
+
+def assert_same(rig, other):
+    for one, two in ((rig.left, other.left), (rig.right, other.right)):
+        assert one.size == two.size and one.model == two.model
+        for k in (1, 3, 4, 5):
+            np.testing.assert_allclose(one[k], two[k], atol=1e-9)
+    np.testing.assert_allclose(rig.imu_T_left, other.imu_T_left, atol=1e-9)
+    np.testing.assert_allclose(rig.left_T_right, other.left_T_right, atol=1e-9)
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """The calibration of asl_folder, and the folder."""
+    return read_calibration([str(asl_folder(tmp_path / "euroc"))]), tmp_path
+
+
+@pytest.mark.parametrize("second", ["T_cn_cnm1", "T_cam_imu"])
+def test_kalibr_says_the_same_as_euroc(rig, second):
+    rig, folder = rig
+    (folder / "imu.yaml").write_text(KALIBR_IMU)
+    kalibr = read_calibration([str(write_camchain(folder, second))], str(folder / "imu.yaml"))
+    assert_same(kalibr, rig)
+    assert kalibr.noise == rig.noise and kalibr.time_offset == -0.004 and rig.time_offset is None
+    np.testing.assert_allclose(rig.imu_T_left[:3, 3], [0.1, 0.05, 0.05])  # the left camera is to the left of the IMU
+    np.testing.assert_allclose(rig.left_T_right[:3, 3], [0.11, 0.0, 0.0], atol=1e-12)
+
+
+def test_camera_calibration_says_the_same_with_the_extrinsic(rig):
+    rig, folder = rig
+    for name, camera in (("left.yaml", rig.left), ("right.yaml", rig.right)):
+        (folder / name).write_text(ros_yaml(camera))
+    files = [str(folder / name) for name in ("left.yaml", "right.yaml")]
+    with pytest.raises(InputError, match="--imu-T-left"):
+        read_calibration(files)
+    where = folder / "where.yaml"
+    for key, value in (("imu_T_left", rig.imu_T_left), ("T_cam_imu", inverse(rig.imu_T_left)),
+                       ("T_BS", rig.imu_T_left)):
+        where.write_text(yaml.safe_dump({key: np.ravel(value).tolist()}))
+        assert_same(read_calibration(files, None, str(where)), rig)
+    with pytest.raises(InputError, match="baseline of projection_matrix"):
+        read_calibration(files[::-1], None, str(where))
+
+
+def test_two_sensor_files_say_the_same(rig):
+    rig, folder = rig
+    files = [str(folder / "euroc" / "mav0" / name / "sensor.yaml") for name in ("cam0", "cam1", "imu0")]
+    two = read_calibration(files[:2], files[2])
+    assert_same(two, rig)
+    assert two.noise == rig.noise
+
+
+def test_kitti_gives_the_rectified_pair(tmp_path):
+    rig = read_calibration([str(kitti_raw_folder(tmp_path / "drive"))])
+    assert rig.left_T_right[0, 3] == pytest.approx(0.5) and rig.right.projection[0, 3] == -25.0 and rig.noise is None
+    assert (rig.left.distortion == 0).all() and (rig.left.rectification == np.eye(3)).all()
+
+
+@pytest.mark.parametrize("changes, message", [
+    ({"T_cam_imu": None}, "T_cam_imu"), ({"distortion_model": "omni"}, "distortion_model is 'omni', allowed: "),
+    ({"camera_model": "omni"}, "allowed: pinhole"), ({"intrinsics": [1.0, 2.0]}, "intrinsics has shape"),
+    ({"timeshift_cam_imu": 5.0}, "timeshift_cam_imu is 5 s, allowed: -1 to 1"),
+    ({"timeshift_cam_imu": "late"}, "timeshift_cam_imu is 'late', allowed: numbers"),
+    ({"T_cam_imu": np.diag([1.0, 1.0, 2.0, 1.0]).tolist()}, "T_cam_imu")])
+def test_what_is_wrong_is_named(tmp_path, capsys, changes, message):
+    path = write_camchain(tmp_path, **changes)
+    assert main([str(path), "--output", str(tmp_path / "out.launch")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and str(path) in error and message in error, error
+    assert not (tmp_path / "out.launch").exists()
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (["--output", "out.txt"], "ends in .launch"), (["--bag", "in.bag"], "--bag needs --output"),
+    (["--bag", "in.bag", "--output", "out.launch"], "ends in .bag"), (["--imu", "none.yaml"], "none.yaml: no such file"),
+    (["--output", "out.launch", "--imu-frame", "/imu"], "without a leading slash")])
+def test_bad_requests_are_refused(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    assert main([str(write_camchain(tmp_path))] + arguments) == 2
+    assert message in capsys.readouterr().err and sorted(p.name for p in tmp_path.iterdir()) == ["camchain-imucam.yaml"]
+
+
+def test_a_folder_that_is_none_is_refused(tmp_path):
+    with pytest.raises(InputError, match="is no calibration, allowed: a folder with cam0"):
+        read_calibration([str(tmp_path)])
+
+
+def test_a_bag_gets_what_the_converter_would_have_written(rig, script):
+    _, folder = rig
+    done = script("dataset_to_bag.py", folder / "euroc", folder / "whole.bag", "--quiet")
+    assert done.returncode == 0, done.stderr
+    with rosbag.Bag(str(folder / "whole.bag")) as whole, rosbag.Bag(str(folder / "bare.bag"), "w") as bare:
+        for topic, message, stamp in whole.read_messages():
+            if topic != "/tf_static" and "right/camera_info" not in topic:
+                bare.write(topic, message, stamp)
+    done = script("import_calibration.py", folder / "euroc", "--bag", folder / "bare.bag", "--output", folder / "out.bag")
+    assert done.returncode == 0 and "4 of camera_info replaced" in done.stdout, done.stdout + done.stderr
+    with rosbag.Bag(str(folder / "whole.bag")) as whole, rosbag.Bag(str(folder / "out.bag")) as out:
+        for topic in ("/left/camera_info", "/right/camera_info", "/tf_static"):
+            wanted = next(whole.read_messages([topic])).message
+            found = [message for _, message, _ in out.read_messages([topic])]
+            assert len(found) == 1
+            for message in (wanted, found[0]):
+                for part in getattr(message, "transforms", [message]):
+                    part.header.stamp = part.header.seq = 0
+            assert found[0] == wanted
+        for topic in ("/imu", "/left/image/compressed"):
+            assert [str(m.message) for m in out.read_messages([topic])] == [str(m.message) for m in whole.read_messages([topic])]
+    assert (folder / "out.imu.yaml").exists()
+    done = script("import_calibration.py", folder / "euroc", "--bag", folder / "whole.bag", "--output", folder / "two.bag")
+    assert done.returncode == 2 and "/tf_static already has imu_link -> left_camera_optical" in done.stderr
+
+
+LISTENER = """
+import json, rospy, sys
+from sensor_msgs.msg import CameraInfo
+from tf2_msgs.msg import TFMessage
+rospy.init_node("listener")
+info = [rospy.wait_for_message("/cams/%s" % side, CameraInfo, 60) for side in ("l", "r")]
+tf = rospy.wait_for_message("/tf_static", TFMessage, 60)
+print(json.dumps({"P": [list(i.P) for i in info], "frames": [i.header.frame_id for i in info],
+                  "tf": [[t.header.frame_id, t.child_frame_id, t.transform.translation.x] for t in tf.transforms],
+                  "slam": rospy.get_param("/slam")}))
+"""
+
+
+def test_the_launch_file_publishes_it(rig):
+    rig, folder = rig
+    (folder / "imu.yaml").write_text(KALIBR_IMU)
+    assert main([str(write_camchain(folder)), "--imu", str(folder / "imu.yaml"), "--imu-frame", "imu4", "--output",
+                 str(folder / "rig.launch")]) == 0
+    with ros_master(str(folder)) as environment, open(str(folder / "roslaunch.log"), "wb") as log:
+        with child(["roslaunch", str(folder / "rig.launch"), "left_info:=/cams/l", "right_info:=/cams/r"],
+                   env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log):
+            done = subprocess.run(["/usr/bin/python3", "-c", LISTENER], env=environment, stdout=subprocess.PIPE,
+                                  timeout=HANG_S, check=True)
+    heard = json.loads(done.stdout.decode().splitlines()[-1])
+    np.testing.assert_allclose(heard["P"], [np.ravel(rig.left.projection), np.ravel(rig.right.projection)])
+    assert heard["frames"] == ["left_camera_optical", "right_camera_optical"]
+    assert [t[:2] for t in heard["tf"]] == [["imu4", "left_camera_optical"], ["left_camera_optical", "right_camera_optical"]]
+    assert heard["tf"][0][2] == pytest.approx(0.1)
+    assert heard["slam"] == {"calibration": {"time_offset": -0.004}, "inertial": {"imu_calibration": str(folder / "rig.imu.yaml")}}
+
+
+@pytest.mark.parametrize("name", ["rig", "realsense_d435i", "zed2"])
+def test_launch_files_of_rigs_start_both_nodes(name, tmp_path):
+    calibration = tmp_path / "rig.launch"
+    assert main([str(write_camchain(tmp_path)), "--output", str(calibration)]) == 0
+    extra = ["calibration:=" + calibration.name, "ns:=robot"] if name == "rig" else []  # relative
+    done = subprocess.run(["roslaunch", "--nodes", "vi_ekf_slam", name + ".launch"] + extra, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S, cwd=str(tmp_path),
+                          env=dict(os.environ, PWD=str(tmp_path)))
+    nodes = [line for line in done.stdout.splitlines() if line.startswith("/")]
+    assert done.returncode == 0 and nodes == (
+        ["/robot/front_end", "/robot/slam", "/robot/publish_calibration"] if extra else ["/front_end", "/slam"]), done.stdout

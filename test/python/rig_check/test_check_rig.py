@@ -1,0 +1,116 @@
+"""Broken rigs of features and an IMU: the fault is named first, and nothing is wrong with those that are sound."""
+
+import argparse
+
+import numpy as np
+import pytest
+import rigs
+from breaking import (accelerations, backwards, burst, every, exchange_infos, exchanged, extrinsic, features, foreign_gyro,
+                      gyro, half_resolution, infos, late, looping, losing, no_stamp, not_a_number, not_a_pair, one_frame,
+                      other_rows, quiet_statement, renamed, repeated, scale_baseline, turned_imu, wrong_focal_length)
+
+from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp
+from vi_ekf_slam.rig_check.checker import make_report
+from vi_ekf_slam.rig_check.finding import GREEN, RED, UNJUDGED, YELLOW
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """{whether it has a velocity: entries}."""
+    return {with_velocity: rigs.message_list(rigs.shaken_points(with_velocity)) for with_velocity in (False, True)}
+
+
+def judge(path, entries, *remap, **changes):
+    options = dict(remap=list(remap), duration=0.0, imu_noise=None, without_load=True)
+    return make_report(rigs.write(str(path), entries), "rig", argparse.Namespace(**dict(options, **changes)))
+
+
+ROLL = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+C = rigs.IMU_T_LEFT
+# name: (level, words of the first finding, what breaks the rig, whether it has a velocity).
+FAULTS = {
+    "no IMU": (RED, "nothing comes on /imu", lambda e: rigs.without(e, "/imu"), True),
+    "no camera_info": (RED, "nothing comes on /right/camera_info", lambda e: rigs.without(e, "/right/camera_info"), False),
+    "no pictures": (RED, "nothing comes on /left/image", lambda e: rigs.without(e, "/features"), False),
+    "no acceleration, no velocity": (RED, "nothing comes on /velocity", lambda e: accelerations(e, lambda a: 0.0 * a), False),
+    "other name": (YELLOW, "/imu is taken from /mavros/imu/data", lambda e: renamed(e, "/imu", "/mavros/imu/data"), False),
+    "NaN": (RED, "linear_acceleration of /imu is NaN", lambda e: every(e, 7, not_a_number), False),
+    "no stamps": (RED, "header.stamp of /features is zero", no_stamp, False),
+    "repeated stamps": (RED, "stamps repeat on /imu", repeated, False),
+    "a bag that loops": (RED, "time runs back on", looping, False),
+    "two clocks": (RED, "/imu and /features have two clocks", lambda e: rigs.shift_stamps(e, -1e6, "/features"), False),
+    "late": (RED, "/features comes 0.4 s later after its stamp", lambda e: late(e, "/features", lambda t: 0.4), False),
+    "gaps": (RED, "/imu has gaps", losing, False),
+    "bursts": (YELLOW, "/imu stutters", burst, False),
+    "in g": (RED, "accelerations are in g", lambda e: accelerations(e, lambda a: a / 9.80665), False),
+    "without gravity": (RED, "gravity is missing", lambda e: accelerations(e, lambda a: 0.1 * (a - [0, 0, 9.81])), False),
+    "camera_info exchanged": (RED, "left and right camera_info are exchanged", lambda e: infos(e, exchange_infos), False),
+    "camera_info of single cameras": (RED, "camera_info is not of a rectified pair", lambda e: infos(e, not_a_pair), False),
+    "no transform": (RED, "no transform from 'imu_link' to 'left_camera_optical'", lambda e: rigs.without(e, "/tf_static"), False),
+    "one frame": (RED, "IMU and left camera are said to be one frame", one_frame, False),
+    "left and right exchanged": (RED, "disparity has the wrong sign", lambda e: features(e, exchanged), False),
+    "not rectified": (RED, "matched points lie in different rows", lambda e: features(e, other_rows), False),
+    "deg/s": (RED, "the gyro is in deg/s", lambda e: gyro(e, np.degrees), False),
+    "deg/s, turned fast": (RED, "the gyro is in deg/s", lambda e: gyro(e, lambda w: np.degrees(4.0 * w)), False),
+    "rad/s twice": (RED, "the gyro is converted to rad/s twice", lambda e: gyro(e, np.radians), False),
+    "mirrored gyro": (RED, "an axis of the gyro has the wrong sign", lambda e: gyro(e, lambda w: w * [1, -1, 1]), False),
+    "wrong focal length": (YELLOW, "gyro and camera differ in how fast they turn", lambda e: infos(e, wrong_focal_length), False),
+    "other resolution": (RED, "features lie outside of the picture", lambda e: infos(e, half_resolution), False),
+    "dead gyro": (RED, "the gyro does not move while the camera turns", lambda e: gyro(e, lambda w: 0.0 * w), False),
+    "gyro of another body": (RED, "gyro and camera do not turn together",
+                  foreign_gyro, False),
+    "inverted": (RED, "it looks inverted", lambda e: extrinsic(e, inverse(C)), False),
+    "left out": (RED, "it looks left out", lambda e: extrinsic(e, make_transform(np.eye(3), C[:3, 3])), False),
+    "axes exchanged": (RED, "x, y, z of the transform are the IMU's -y, x, z", lambda e: turned_imu(e, ROLL.T), False),
+    "turned": (RED, "imu -> camera is off by 9.", lambda e: extrinsic(e, C @ make_transform(so3_exp([0.1, -0.1, 0.1]), np.zeros(3))), False),
+    "camera late": (RED, "the camera's stamps are 30 ms late", lambda e: rigs.shift_stamps(e, 0.03, "/features"), False),
+    "camera early": (RED, "the camera's stamps are 60 ms early", lambda e: rigs.shift_stamps(e, -0.06, "/features"), False),
+    "negative accelerations": (RED, "accelerations have the wrong sign", lambda e: accelerations(e, lambda a: -a), False),
+    "baseline, by the accelerometer": (RED, "the scale of the baseline does not fit the accelerometer",
+                                       lambda e: infos(e, scale_baseline(1.25)), False),
+    "baseline, by the velocity": (RED, "the scale of the baseline does not fit the velocity", lambda e: infos(e, scale_baseline(0.8)), True),
+    "backwards": (RED, "the camera does not travel where the velocity points", backwards, True),
+    "noise": (YELLOW, "the gyro is noisier than it states", quiet_statement, False),
+}
+
+
+@pytest.mark.parametrize("name", list(FAULTS))
+def test_the_fault_is_named_first(name, sound, tmp_path):
+    level, words, breaking, with_velocity = FAULTS[name]
+    report = judge(tmp_path / "broken.bag", breaking(rigs.copies(sound[with_velocity])))
+    first = report.first
+    assert first is not None and first.level == level and words in first.text, report.findings
+    assert first.figure or first.limit
+    assert first.advice
+
+
+@pytest.mark.parametrize("with_velocity", [False, True])
+def test_nothing_is_wrong_with_a_sound_rig(sound, with_velocity, tmp_path):
+    report = judge(tmp_path / "sound.bag", sound[with_velocity])
+    assert report.first is None
+    judged = {finding.check for finding in report.of_level(GREEN)}
+    assert {"topics", "clocks", "stereo", "gyro", "rotation", "time offset", "scale", "noise", "gyro bias"} <= judged
+
+
+@pytest.mark.parametrize("name", ["inverted", "left out", "turned", "axes exchanged"])
+def test_the_rotation_that_is_told_mends_the_rig(name, sound, tmp_path):
+    entries = FAULTS[name][2](rigs.copies(sound[False]))
+    advice = judge(tmp_path / "broken.bag", entries).first.advice.split()
+    told = [float(word) for word in advice[advice.index("Z") + 1:][:4]]
+    extrinsic(entries, make_transform(quaternion_to_rotation(told), C[:3, 3]))
+    assert not [finding for finding in judge(tmp_path / "mended.bag", entries).findings if finding.check == "rotation" and finding.level != GREEN]
+
+
+def test_the_offset_that_is_told_mends_the_rig(sound, tmp_path):
+    entries = rigs.shift_stamps(rigs.copies(sound[False]), 0.045, "/features")
+    words = judge(tmp_path / "broken.bag", entries).first.advice.replace(",", "").split()
+    offset = float(words[words.index("calibration/time_offset:") + 1])  # to be added to the pictures' stamps
+    assert offset == pytest.approx(-0.045, abs=0.003)
+    assert judge(tmp_path / "mended.bag", rigs.shift_stamps(entries, offset, "/features")).first is None
+
+
+def test_where_the_rig_hardly_turns_nothing_is_said_of_rotation_and_clocks(tmp_path):
+    still = rigs.message_list(rigs.still_points())
+    report = judge(tmp_path / "still.bag", still)
+    assert not report.of_level(RED)
+    assert {"gyro", "rotation", "time offset", "scale"} <= {finding.check for finding in report.findings if finding.level == UNJUDGED}

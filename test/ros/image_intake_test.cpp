@@ -1,0 +1,172 @@
+#include "vi_ekf_slam/ros/front_end/image_intake.hpp"
+
+#include <gtest/gtest.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <boost/make_shared.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+namespace vi_ekf_slam {
+namespace {
+
+namespace encodings = sensor_msgs::image_encodings;
+
+/// A grey ramp, 0 to 239 from left to right, in any encoding; `scale` for 16 bits.
+sensor_msgs::ImageConstPtr ramp(const std::string& encoding, int scale = 1) {
+  const bool is_deep = encodings::bitDepth(encoding) == 16;
+  const int channels = encodings::numChannels(encoding);
+  cv::Mat grey(48, 80, CV_16UC1);
+  for (int v = 0; v < grey.rows; ++v)
+    for (int u = 0; u < grey.cols; ++u)
+      grey.at<std::uint16_t>(v, u) = static_cast<std::uint16_t>(3 * u * scale);
+  if (!is_deep) grey.convertTo(grey, CV_8U);
+  cv::Mat image;
+  cv::merge(std::vector<cv::Mat>(static_cast<std::size_t>(channels), grey), image);
+  const auto message = boost::make_shared<sensor_msgs::Image>();
+  message->encoding = encoding;
+  message->height = 48;
+  message->width = 80;
+  message->step = static_cast<std::uint32_t>(image.step);
+  message->data.assign(image.data, image.data + image.step * 48);
+  return message;
+}
+
+void expectRamp(const cv::Mat& image, double tolerance) {
+  ASSERT_EQ(CV_8UC1, image.type());
+  ASSERT_EQ(cv::Size(80, 48), image.size());
+  for (int u = 2; u < 78; ++u) EXPECT_NEAR(3.0 * u, image.at<std::uint8_t>(20, u), tolerance) << u;
+}
+
+TEST(ImageDecoder, reads_every_encoding_of_cameras_as_the_same_grey) {
+  for (const std::string& encoding :
+       {encodings::MONO8, encodings::TYPE_8UC1, encodings::BGR8, encodings::RGB8, encodings::BGRA8,
+        encodings::RGBA8, encodings::BAYER_RGGB8, encodings::BAYER_BGGR8, encodings::BAYER_GBRG8,
+        encodings::BAYER_GRBG8}) {
+    ImageDecoder decoder;
+    SCOPED_TRACE(encoding);
+    expectRamp(decoder.decode(ramp(encoding)), 4.0);
+  }
+}
+
+TEST(ImageDecoder, scales_16_bits_by_those_that_are_in_use) {
+  for (const std::string& encoding :
+       {encodings::MONO16, encodings::TYPE_16UC1, encodings::BGR16, encodings::BAYER_RGGB16}) {
+    SCOPED_TRACE(encoding);
+    ImageDecoder twelve, sixteen;
+    expectRamp(twelve.decode(ramp(encoding, 16)), 5.0);
+    expectRamp(sixteen.decode(ramp(encoding, 256)), 5.0);
+  }
+}
+
+TEST(ImageDecoder, keeps_its_scale_when_the_picture_gets_darker) {
+  ImageDecoder decoder;
+  decoder.decode(ramp(encodings::MONO16, 256));
+  const cv::Mat dark = decoder.decode(ramp(encodings::MONO16, 16));
+  EXPECT_NEAR(210.0 / 16.0, dark.at<std::uint8_t>(20, 70), 1.0);
+}
+
+TEST(ImageDecoder, does_not_copy_a_grey_image) {
+  ImageDecoder decoder;
+  const auto message = ramp(encodings::MONO8);
+  EXPECT_EQ(message->data.data(), decoder.decode(message).data);
+}
+
+TEST(ImageDecoder, reads_compressed_images_of_8_and_16_bits) {
+  ImageDecoder decoder;
+  const auto grey = ramp(encodings::MONO8);
+  const cv::Mat image(48, 80, CV_8UC1, const_cast<std::uint8_t*>(grey->data.data()));
+  sensor_msgs::CompressedImage message;
+  cv::imencode(".png", image, message.data);
+  expectRamp(decoder.decode(message), 0.0);
+  cv::imencode(".jpg", image, message.data);
+  expectRamp(decoder.decode(message), 4.0);
+  cv::Mat deep;
+  image.convertTo(deep, CV_16U, 256.0);
+  cv::imencode(".png", deep, message.data);
+  expectRamp(decoder.decode(message), 5.0);
+}
+
+TEST(ImageDecoder, names_what_it_cannot_read) {
+  ImageDecoder decoder;
+  const auto reason = [&decoder](const auto& message) {
+    try {
+      decoder.decode(message);
+    } catch (const std::exception& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  sensor_msgs::CompressedImage compressed;
+  compressed.format = "jpeg";
+  EXPECT_NE("", reason(compressed));
+  compressed.data = {1, 2, 3};
+  EXPECT_EQ("a compressed image that cannot be decoded, format 'jpeg'", reason(compressed));
+  auto image = boost::make_shared<sensor_msgs::Image>(*ramp(encodings::MONO8));
+  image->encoding = "holo3";
+  EXPECT_NE(std::string::npos, reason(sensor_msgs::ImageConstPtr(image)).find("holo3"));
+  image->encoding = encodings::MONO8;
+  image->data.resize(10); // less than it announces
+  EXPECT_NE("", reason(sensor_msgs::ImageConstPtr(image)));
+}
+
+sensor_msgs::CameraInfo info(bool is_right) {
+  sensor_msgs::CameraInfo m;
+  m.header.frame_id = is_right ? "right_optical" : "left_optical";
+  m.width = 640;
+  m.height = 480;
+  m.distortion_model = "plumb_bob";
+  m.D = {0.0, 0.0, 0.0, 0.0, 0.0};
+  m.K = {500.0, 0.0, 320.0, 0.0, 510.0, 240.0, 0.0, 0.0, 1.0};
+  m.P = {500.0, 0.0, 320.0, is_right ? -250.0 : 0.0, 0.0, 510.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+  return m;
+}
+
+class Calibration : public testing::Test {
+ protected:
+  std::optional<StereoCalibration> make(ImageKind images = ImageKind::kAuto) {
+    return stereoCalibration(left_, right_, images, topics_, problem_);
+  }
+  sensor_msgs::CameraInfo left_ = info(false), right_ = info(true);
+  InputTopics topics_;
+  std::string problem_;
+};
+
+TEST_F(Calibration, takes_images_as_rectified_where_D_R_K_and_P_say_so) {
+  auto made = make();
+  ASSERT_TRUE(made) << problem_;
+  EXPECT_TRUE(made->left.imagesAreRectified() && made->right.imagesAreRectified());
+  EXPECT_EQ(0.5, made->camera.baseline);
+  left_.D[0] = -0.2;
+  made = make();
+  EXPECT_FALSE(made->left.imagesAreRectified());
+  EXPECT_TRUE(made->right.imagesAreRectified());
+  EXPECT_TRUE(make(ImageKind::kRectified)->left.imagesAreRectified()); // image_rect of image_proc
+  EXPECT_FALSE(make(ImageKind::kRaw)->right.imagesAreRectified());
+}
+
+TEST_F(Calibration, knows_each_distortion_by_its_name) {
+  left_.distortion_model = right_.distortion_model = "equidistant";
+  left_.D = right_.D = {0.01, 0.0, 0.0, 0.0};
+  ASSERT_TRUE(make()) << problem_;
+  EXPECT_EQ(CameraModel::Distortion::kEquidistant, make()->left.parameters().distortion);
+  left_.distortion_model = right_.distortion_model = "rational_polynomial";
+  left_.D = right_.D = {0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0};
+  EXPECT_TRUE(make()) << problem_;
+  right_.distortion_model = "thin_prism";
+  EXPECT_FALSE(make());
+  EXPECT_EQ(
+      "right/camera_info: distortion_model is 'thin_prism', allowed: plumb_bob, rational_polynomial, "
+      "equidistant",
+      problem_);
+  EXPECT_TRUE(make(ImageKind::kRectified)) << problem_;
+}
+
+TEST_F(Calibration, names_a_size_that_nobody_gave) {
+  left_.width = 0;
+  EXPECT_FALSE(make());
+  EXPECT_EQ("left/camera_info: width x height is 0 x 480, allowed: 32 to 16384 px", problem_);
+}
+
+} // namespace
+} // namespace vi_ekf_slam
