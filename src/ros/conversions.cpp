@@ -200,6 +200,18 @@ geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& stat
   return message;
 }
 
+LoopClosure toMessage(const ClosedLoop& loop, const std::string& map_frame, const std::string& frame) {
+  LoopClosure message;
+  message.header.stamp = toTime(loop.ends.now);
+  message.header.frame_id = map_frame;
+  message.before = toTime(loop.ends.before);
+  message.child_frame_id = frame;
+  message.pose.pose = toPose(loop.before_T_now);
+  copyCovariance(loop.covariance, message.pose.covariance);
+  message.landmarks = static_cast<std::uint32_t>(loop.landmarks);
+  return message;
+}
+
 nav_msgs::Odometry toOdometry(const StateEstimate& state, const std::string& map_frame,
                               const std::string& imu_frame) {
   nav_msgs::Odometry message;

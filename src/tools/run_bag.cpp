@@ -176,7 +176,8 @@ int run(const RunBagOptions& options) {
   if (problem.empty() && images) problem = images->problem();
   if (problem.empty()) problem = inputProblem(system, intake, writer);
 
-  const auto landmarks = system.estimator().exactLandmarks();
+  const MapEstimate estimate = system.estimator().exactMap()();
+  const auto& landmarks = estimate.landmarks;
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
   const std::string source = options.config.empty() ? "built-in defaults" : options.config;
   auto turned_away = intake.turnedAway();
@@ -192,6 +193,7 @@ int run(const RunBagOptions& options) {
                            system.imuCheck().counts(),
                            system.estimator().rig()};
   writer.writeTrajectory(options.output);
+  writer.writeSmoothed(options.output, estimate.path);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;

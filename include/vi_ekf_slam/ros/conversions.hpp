@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "vi_ekf_slam/LoopClosure.h"
 #include "vi_ekf_slam/StereoFeatureArray.h"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
@@ -79,6 +80,8 @@ geometry_msgs::TransformStamped toTransform(const SE3& parent_T_child, Stamp sta
 geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& state,
                                                        const std::string& map_frame);
 /// Pose in `map_frame`, twist in `imu_frame`.
+/// `frame`: whose pose it is.
+LoopClosure toMessage(const ClosedLoop& loop, const std::string& map_frame, const std::string& frame);
 nav_msgs::Odometry toOdometry(const StateEstimate& state, const std::string& map_frame,
                               const std::string& imu_frame);
 

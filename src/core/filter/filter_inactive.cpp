@@ -26,6 +26,17 @@ void Filter::deactivate(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& 
   erase(variables_.remove(handle, Variables::Fate::kKeepsHandle), n);
 }
 
+/// Its error along the world axes is the pose's own of now.
+Handle Filter::clonePose() {
+  settle();
+  const Handle handle = variables_.reserve(Chart::kPose);
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(6);
+  mean.head<3>() = pose().translation();
+  const auto P = covariance();
+  inactive_.add(handle, mean, 0, Eigen::MatrixXd::Zero(6, 6), P.topLeftCorner<6, 6>(), P.leftCols<6>());
+  return handle;
+}
+
 /// y = d + byPose (dp, theta), about the point where it was made inactive.
 void Filter::activate(const std::vector<Handle>& handles) {
   if (handles.empty()) return;
@@ -81,20 +92,21 @@ std::vector<Eigen::VectorXd> Filter::settledMeans() {
   return means;
 }
 
-/// A correction that turns has moved the inactive points from `before` to first order; they are to move
+/// A correction that turns has moved the inactive points (and clones of the pose) from `before` to first order; they are to move
 /// rigidly.
 void Filter::moveInactive(const std::vector<Eigen::VectorXd>& before) {
   std::vector<Eigen::VectorXd> means = settledMeans();
   std::vector<std::size_t> index;
   std::vector<Eigen::Vector3d> points, corrections;
   for (std::size_t i = 0; i < means.size(); ++i) {
-    if (variables_.chartOf(inactive_.variables()[i].handle) != Chart::kPoint) continue;
+    const Chart chart = variables_.chartOf(inactive_.variables()[i].handle);
+    if (chart != Chart::kPoint && chart != Chart::kPose) continue;
     index.push_back(i);
-    points.emplace_back(before[i]);
-    corrections.emplace_back(means[i] - before[i]);
+    points.emplace_back(before[i].head<3>());
+    corrections.emplace_back(means[i].head<3>() - before[i].head<3>());
   }
   const std::vector<Eigen::Vector3d> moved = moveAsChain(points, corrections);
-  for (std::size_t k = 0; k < index.size(); ++k) means[index[k]] = moved[k];
+  for (std::size_t k = 0; k < index.size(); ++k) means[index[k]].head<3>() = moved[k];
   inactive_.setMeans(means);
 }
 

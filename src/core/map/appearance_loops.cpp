@@ -128,28 +128,28 @@ void AppearanceLoops::claim(const Filter& filter, LandmarkMap& map, const Stereo
   }
 }
 
-std::size_t AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                    double seconds) {
-  if (filter.inactive().isEmpty()) return 0;
+Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                double seconds) {
+  if (filter.inactive().isEmpty()) return {};
   const double cost = filter.inactive().settlingCost();
   allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
   if (!next_index_ || now >= *next_index_) {
     next_index_ = now + fromSeconds(kBetweenIndices);
     index(filter, map);
   }
-  if (known_.isEmpty()) return 0;
+  if (known_.isEmpty()) return {};
   lookUp(filter, map);
-  if (allowance_ < cost || (next_attempt_ && now < *next_attempt_)) return 0;
+  if (allowance_ < cost || (next_attempt_ && now < *next_attempt_)) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
   if (const auto found = place(filter, map)) {
     allowance_ -= cost;
     return close(*found, filter, map, model, now);
   }
-  if (!follows(map, now)) return 0;
+  if (!follows(map, now)) return {};
   const std::vector<FeatureId> expected = expectedIn(filter, map, model);
   if (!expected.empty()) allowance_ -= cost;
   map.reactivate(filter, expected, now);
-  return 0;
+  return {};
 }
 
 /// What is recognised and was before, some way back.
@@ -164,12 +164,13 @@ std::optional<Recognition> AppearanceLoops::place(const Filter& filter, const La
   return agreement_.confirms(*found, about, kWay * centreOf(ways).norm()) ? found : std::nullopt;
 }
 
-std::size_t AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map,
-                                   const StereoModel& model, Stamp now) {
-  const Fusion fusion = fuseMatches(filter, map, found.matches, expectedIn(filter, map, model), now,
-                                    kLeastMatches, kCornerSigma);
+Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map,
+                               const StereoModel& model, Stamp now) {
+  const Revisit revisit = fuseMatches(filter, map, found.matches, expectedIn(filter, map, model), now,
+                                      kLeastMatches, kCornerSigma)
+                              .revisit;
   for (const auto& [is_now, was] : found.matches) look_ups_.erase(is_now);
-  return fusion.count();
+  return revisit;
 }
 
 /// What is long out of view, as it is known now.
@@ -179,15 +180,15 @@ void AppearanceLoops::index(const Filter& filter, const LandmarkMap& map) {
   std::vector<KnownLook> known;
   if (wanted) {
     const auto active = map.indexById();
-    for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
-      const Landmark& landmark = map.inactive(e.variable.handle);
+    map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
+      const Landmark& landmark = l.landmark;
       // Those that have a saved map's new ids have not been seen since: then they would have a track's.
       const bool is_of_before =
           landmark.id >= LandmarkMap::kRenumbered ||
-          filter.inactive().deactivatedSince(e.variable.handle) > kViewsBefore * map.active().size();
-      if (!is_of_before || landmark.descriptors.isEmpty() || active.count(landmark.id)) continue;
-      known.push_back({landmark.id, e.variable.mean, e.covariance, landmark.descriptors});
-    }
+          filter.inactive().deactivatedSince(landmark.variable) > kViewsBefore * map.active().size();
+      if (!is_of_before || landmark.descriptors.isEmpty() || active.count(landmark.id)) return;
+      known.push_back({landmark.id, l.estimate.variable.mean, l.estimate.covariance, landmark.descriptors});
+    });
   }
   known_ = AppearanceIndex(std::move(known));
 }

@@ -1,15 +1,34 @@
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace vi_ekf_slam {
+namespace {
 
-Fusion fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
+/// Of those that were fused.
+Stamp medianOf(const std::vector<Stamp>& stamps, const Fusion& fusion) {
+  std::vector<Stamp> of_fused;
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    if (fusion.fused[i]) of_fused.push_back(stamps[i]);
+  }
+  const auto middle = of_fused.begin() + static_cast<std::ptrdiff_t>(of_fused.size() / 2);
+  std::nth_element(of_fused.begin(), middle, of_fused.end());
+  return *middle;
+}
+
+} // namespace
+
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
                    const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma) {
   const auto index = map.indexById();
   const std::size_t first = map.active().size(), pairs = matches.size();
   std::vector<FeatureId> ids;
-  for (const auto& [is_now, was] : matches) ids.push_back(was);
+  std::vector<Stamp> last_seen; // pair by pair
+  for (const auto& [is_now, was] : matches) {
+    ids.push_back(was);
+    last_seen.push_back(map.inactive(map.inactiveVariable(was)).last_seen);
+  }
   const auto is_matched = [&matches](FeatureId id) {
     return std::any_of(matches.begin(), matches.end(), [id](const auto& m) { return m.second == id; });
   };
@@ -39,7 +58,9 @@ Fusion fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
     landmark.in_map = true;
     map.discard(filter, first + i);
   }
-  return fusion;
+  Revisit revisit{fusion.count(), 0};
+  if (revisit.landmarks > 0) revisit.last_seen = medianOf(last_seen, fusion);
+  return {std::move(fusion), revisit};
 }
 
 } // namespace vi_ekf_slam

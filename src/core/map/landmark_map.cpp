@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::size_t kMaxArchived = 100000;     // landmarks
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
+constexpr std::size_t kMostOthers = 1000;        // inactive variables that are no landmarks
 
 } // namespace
 
@@ -78,18 +79,27 @@ void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids, 
 }
 
 /// A batch at a time, since means must be brought up to date.
-void LandmarkMap::bound(Filter& filter, bool all) {
-  const std::size_t held = filter.inactive().size();
-  const std::size_t most = all ? 0 : options_.max_landmarks;
-  if (held <= most) return;
-  const std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false);
-  for (const Handle handle : filter.marginaliseOldest(held - most + most / 4)) {
-    const Landmark landmark = takeInactive(handle);
-    const auto estimate = std::find_if(before.begin(), before.end(),
-                                       [handle](const auto& e) { return e.variable.handle == handle; });
+std::vector<InactiveStore::Estimate> LandmarkMap::bound(Filter& filter, bool all) {
+  const std::size_t held = filter.inactive().size(), landmarks = inactive_.size();
+  const std::size_t most = options_.max_landmarks;
+  std::size_t count = all ? held : 0;
+  if (!all && landmarks > most) count = landmarks - most + most / 4;
+  if (!all && held - landmarks > kMostOthers) count = std::max(count, held / 4);
+  if (count == 0) return {};
+  std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false), others;
+  // The first ones are the oldest.
+  const std::size_t gone = filter.marginaliseOldest(count).size();
+  for (std::size_t i = 0; i < gone; ++i) {
+    InactiveStore::Estimate& estimate = before[i];
+    if (!isLandmark(estimate.variable.handle)) {
+      others.push_back(std::move(estimate));
+      continue;
+    }
+    const Landmark landmark = takeInactive(estimate.variable.handle);
     if (landmark.observations >= kArchivedObservations)
-      archive_.put({landmark.id, estimate->variable.mean, estimate->covariance});
+      archive_.put({landmark.id, estimate.variable.mean, estimate.covariance});
   }
+  return others;
 }
 
 void LandmarkMap::adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance,
@@ -127,12 +137,15 @@ LandmarkEstimate LandmarkMap::estimateOf(const Filter& filter, const Landmark& l
           filter.worldCovariance(landmark.variable)};
 }
 
-std::vector<LandmarkEstimate> LandmarkMap::estimates(const Filter& filter, bool exact) const {
+std::vector<LandmarkEstimate> LandmarkMap::estimates(
+    const Filter& filter, const std::vector<InactiveStore::Estimate>& inactive) const {
   // Of several estimates of one landmark the first stays: of one seen again but not yet fused the map's.
   std::vector<LandmarkEstimate> all;
   all.reserve(archive_.landmarks().size() + active_.size() + inactive_.size());
-  for (const InactiveStore::Estimate& e : filter.inactive().estimates(exact))
-    all.push_back({inactive_.at(e.variable.handle).id, e.variable.mean, e.covariance});
+  for (const InactiveStore::Estimate& e : inactive) {
+    const auto found = inactive_.find(e.variable.handle);
+    if (found != inactive_.end()) all.push_back({found->second.id, e.variable.mean, e.covariance});
+  }
   for (const Landmark& landmark : active_) all.push_back(estimateOf(filter, landmark));
   for (const auto& [id, landmark] : archive_.landmarks()) all.push_back(landmark);
   const auto less = [](const LandmarkEstimate& a, const LandmarkEstimate& b) { return a.id < b.id; };

@@ -25,13 +25,13 @@ constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner f
 
 PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
 
-bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
+Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
   // Without a bound, since a place that is recognised takes all of it. The cost goes up and down with what is
   // in view: bounded by the cost of the moment, what was saved would be lost where it is least.
   allowance_ += seconds * kOperationsPerSecond;
-  if ((next_attempt_ && now < *next_attempt_) || filter.inactive().size() < kLeastBefore ||
+  if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore ||
       allowance_ < filter.inactive().settlingCost())
-    return false;
+    return {};
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.active().size();
   const Eigen::Vector3d about = filter.pose().translation();
@@ -39,27 +39,29 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
   const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());
   std::vector<PlacePoint> seen_now, seen_before;
   const auto active = map.indexById();
-  for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
-    const FeatureId id = map.inactive(e.variable.handle).id;
-    if (active.count(id)) continue; // its id has returned: ReturningLandmarks'
-    const std::uint64_t since = filter.inactive().deactivatedSince(e.variable.handle);
-    const Eigen::Vector3d position = e.variable.mean;
+  map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
+    const FeatureId id = l.landmark.id;
+    if (active.count(id)) return; // its id has returned: ReturningLandmarks'
+    const std::uint64_t since = filter.inactive().deactivatedSince(l.landmark.variable);
+    const Eigen::Vector3d position = l.estimate.variable.mean;
     const double distance = (position - about).norm();
     if (since > kViewsBefore * view && distance < reach) seen_before.push_back({id, position});
     if (since <= kViewsNow * view && distance < kRadius) seen_now.push_back({id, position});
-  }
-  if (seen_before.size() < kLeastBefore) return false;
+  });
+  if (seen_before.size() < kLeastBefore) return {};
   for (const Landmark& l : map.active()) {
     const Eigen::Vector3d position = filter.variables().point(l.variable);
     if (l.observations >= kObservationsNow && (position - about).norm() < kRadius)
       seen_now.push_back({l.id, position});
   }
   const auto recognition = recognisePlace(seen_now, seen_before, about, covariance);
-  if (!recognition) return false;
-  if (!agreement_.confirms(*recognition, about, kWayBetween)) return false;
+  if (!recognition) return {};
+  if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
 
   allowance_ = 0.0;
   std::vector<FeatureId> ids;
+  const FeatureId middle = recognition->matches[recognition->matches.size() / 2].second;
+  const Stamp last_seen = map.inactive(map.inactiveVariable(middle)).last_seen;
   for (const auto& [is_now, was] : recognition->matches) {
     if (map.isInactive(is_now)) ids.push_back(is_now);
     ids.push_back(was);
@@ -72,7 +74,7 @@ bool PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seco
     pairs.push_back({map.active()[index.at(is_now)].variable, map.active()[index.at(was)].variable});
   const Fusion fusion = fuseDuplicates(filter, pairs, kLeastAgreeing, kNearPoint);
   for (std::size_t i = map.active().size(); i-- > first;) map.deactivate(filter, i);
-  return fusion.count() > 0;
+  return {fusion.count(), last_seen};
 }
 
 } // namespace vi_ekf_slam

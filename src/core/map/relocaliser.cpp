@@ -344,11 +344,11 @@ bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landma
   if (place.by_id) {
     std::vector<FeatureId> ids;
     for (const auto& [id, known] : place.matches) ids.push_back(id);
-    fused = returning_there.fuse(moved, map, model, now, ids, kLeastFused);
+    fused = returning_there.fuse(moved, map, model, now, ids, kLeastFused).landmarks;
   } else {
     Matches matches;
     for (const auto& [id, known] : place.matches) matches.emplace_back(id, LandmarkMap::kRenumbered + known);
-    fused = fuseMatches(moved, map, matches, {}, now, kLeastFused, kCornerSigma).count();
+    fused = fuseMatches(moved, map, matches, {}, now, kLeastFused, kCornerSigma).revisit.landmarks;
   }
   if (fused < kLeastFused || !isValid(moved, true)) return false;
   moveArchive(map_T_session, filter, moved, map);

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "vi_ekf_slam/core/map/fuse_matches.hpp"
-
 namespace vi_ekf_slam {
 namespace {
 
@@ -39,12 +37,11 @@ bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId ina
 std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
   const SE3 cam_T_world = model.camTWorld(filter);
   std::vector<std::pair<double, FeatureId>> near;
-  for (const InactiveStore::Estimate& e : filter.inactive().estimates(false)) {
-    const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(e.variable.mean);
-    const FeatureId id = map.inactive(e.variable.handle).id;
-    if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, id))
-      near.emplace_back(q.norm(), id);
-  }
+  map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
+    const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(l.estimate.variable.mean);
+    if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, l.landmark.id))
+      near.emplace_back(q.norm(), l.landmark.id);
+  });
   std::sort(near.begin(), near.end());
   near.resize(std::min(near.size(), kMostExpected));
   std::vector<FeatureId> ids;
@@ -58,9 +55,9 @@ bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filt
          (model.camTWorld(filter) * filter.variables().point(landmark.variable)).z() > 0.0;
 }
 
-std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                       double seconds) {
-  if (filter.inactive().isEmpty()) return 0;
+Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                   double seconds) {
+  if (filter.inactive().isEmpty()) return {};
   const double cost = filter.inactive().settlingCost();
   allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
   std::vector<FeatureId> ids;
@@ -73,13 +70,13 @@ std::size_t ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const S
       ids.push_back(landmark.id);
   }
   elsewhere_.swap(in_view);
-  if (ids.size() < kLeast || allowance_ < cost) return 0;
+  if (ids.size() < kLeast || allowance_ < cost) return {};
   allowance_ -= cost;
   return fuse(filter, map, model, now, ids, kLeast);
 }
 
-std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                     const std::vector<FeatureId>& ids, std::size_t least) {
+Revisit ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                                 const std::vector<FeatureId>& ids, std::size_t least) {
   const auto index = map.indexById();
   Matches matches;
   for (const FeatureId id : ids) matches.emplace_back(id, id);
@@ -87,11 +84,11 @@ std::size_t ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const Ste
   for (const FeatureId id : soonInView(filter, map, model)) {
     if (!index.count(id)) expected.push_back(id);
   }
-  const Fusion fusion = fuseMatches(filter, map, matches, expected, now, least, kSamePoint);
+  const auto [fusion, revisit] = fuseMatches(filter, map, matches, expected, now, least, kSamePoint);
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (!fusion.fused[i]) elsewhere_.insert(ids[i]);
   }
-  return fusion.count();
+  return revisit;
 }
 
 } // namespace vi_ekf_slam

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <vector>
@@ -48,8 +49,12 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
     else
       landmarks.discard(filter, i);
   }
-  if (filter.inactive().size() > kMaxSavedLandmarks)
-    filter.marginaliseOldest(filter.inactive().size() - kMaxSavedLandmarks);
+  // Clones of the pose are among those that go.
+  for (std::size_t held = landmarks.inactiveCount(); held > kMaxSavedLandmarks;) {
+    const std::vector<Handle> gone = filter.marginaliseOldest(held - kMaxSavedLandmarks);
+    held -= static_cast<std::size_t>(
+        std::count_if(gone.begin(), gone.end(), [&](Handle handle) { return landmarks.isLandmark(handle); }));
+  }
   filter.settleInactive();
   SavedMap map;
   map.stamp = stamp;
@@ -61,6 +66,7 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   for (std::size_t i = 0; i < inactive.size(); ++i) {
     const InactiveVariable& variable = inactive.variables()[i];
     const Eigen::Index row = inactive.rowOf(i);
+    if (!landmarks.isLandmark(variable.handle)) continue;
     if (variable.mean.cwiseAbs().maxCoeff() > kMaxSavedDistance ||
         inactive.covariance().diagonal().segment<3>(row).maxCoeff() > kVaguest * kVaguest)
       continue;

@@ -195,6 +195,20 @@ void RunWriter::writeRun(const std::string& directory, const Run& run) {
   for (AtomicFile* file : {&trajectory, &dead_reckoning, &covariance, &frames}) file->commit();
 }
 
+void RunWriter::writeSmoothed(const std::string& directory, const PathEstimate& path) const {
+  makeDirectory(directory);
+  AtomicFile trajectory(pathIn(directory, kSmoothed));
+  AtomicFile covariance(pathIn(directory, kSmoothedCovariance));
+  covariance << covarianceHeader();
+  runs_.back().records.forEach([&](const RunRecord& r) {
+    const PathEstimate::Pose now =
+        path.at(r.stamp, toPose(r.world_T_imu), Eigen::Map<const Matrix6d>(r.pose_covariance.data()));
+    trajectory << tumLine(r.stamp, now.world_T_imu);
+    covariance << stampText(r.stamp) + upperTriangle(now.covariance) + "\n";
+  });
+  for (AtomicFile* file : {&trajectory, &covariance}) file->commit();
+}
+
 void RunWriter::writeTrajectory(const std::string& directory) const {
   writeRun(directory, runs_.back());
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {

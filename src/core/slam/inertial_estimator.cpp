@@ -278,8 +278,8 @@ std::vector<LandmarkEstimate> InertialEstimator::landmarks() const {
   return filter_ ? filter_->landmarks() : std::vector<LandmarkEstimate>();
 }
 
-std::function<std::vector<LandmarkEstimate>()> InertialEstimator::exactMap() const {
-  return filter_ ? filter_->exactMap() : [] { return std::vector<LandmarkEstimate>(); };
+std::function<MapEstimate()> InertialEstimator::exactMap() const {
+  return filter_ ? filter_->exactMap() : [] { return MapEstimate(); };
 }
 
 std::function<SavedMap()> InertialEstimator::savedMap() const {

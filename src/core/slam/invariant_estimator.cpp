@@ -60,6 +60,7 @@ bool InvariantEstimator::begin(const InitialState& state) {
 /// none is left of it where the world is said to be here.
 void InvariantEstimator::moveOriginHere() {
   map_.bound(filter_, true);
+  clones_.clear();
   const SE3& pose = filter_.pose();
   const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
   filter_.moveWorld(SE3(level, -(level * pose.translation())));
@@ -125,6 +126,8 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
   if (recovery_.check(filter_, *stamp_, thoroughly)) return;
   divergence_ = Divergence::kCovariance;
   map_.archiveAll(filter_);
+  clones_.archive(filter_.inactive().estimates(false));
+  clones_.breakOff();
   closures_.restart();
   tracks_.clear();
   begin(recovery_.checkpointPose(),
@@ -148,8 +151,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);
-    const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
-    if (map_.keepsInactive()) closures_.update(filter_, map_, *model_, seconds, report);
+    if (map_.keepsInactive()) closeLoops(report);
   } else {
     report.invalid = report.features;
   }
@@ -192,6 +194,18 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
     updateTracks(frame, seen, outcome, report);
     initialise(frame, seen.unknown, report);
   } // a skipped frame leaves the local map as it is
+}
+
+/// Loops, and the path that they correct.
+void InvariantEstimator::closeLoops(FrameReport& report) {
+  clones_.archive(map_.bound(filter_));
+  const SE3 before = filter_.pose();
+  const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
+  const Revisit revisit = closures_.update(filter_, map_, *model_, seconds, report);
+  if (report.relocalised) clones_.clear();
+  clones_.add(filter_, *stamp_, before, revisit.landmarks > 0);
+  loop_.reset();
+  if (revisit.landmarks > 0) loop_ = clones_.close(filter_, revisit.last_seen, revisit.landmarks);
 }
 
 void InvariantEstimator::loseAll() {
@@ -302,7 +316,8 @@ bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covaria
   const Filter before = filter_;
   const LandmarkMap map_before = map_;
   bool done = false;
-  if (closures_.use() == MapUse::kWaiting) {
+  const bool is_elsewhere = closures_.use() == MapUse::kWaiting;
+  if (is_elsewhere) {
     done = closures_.placeIn(filter_, map_, world_T_imu, covariance);
   } else {
     loseAll();
@@ -314,6 +329,8 @@ bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covaria
     map_ = map_before;
     return false;
   }
+  if (is_elsewhere) clones_.clear();
+  clones_.breakOff();
   tracks_.clear();
   if (last_frame_) last_frame_->position = filter_.pose().translation();
   return true;
@@ -326,11 +343,19 @@ std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
 }
 
 /// Of a copy: what is large in it is shared.
-std::function<std::vector<LandmarkEstimate>()> InvariantEstimator::exactMap() const {
-  return [filter = filter_, map = map_]() mutable {
+std::function<MapEstimate()> InvariantEstimator::exactMap() const {
+  return [filter = filter_, map = map_, clones = clones_, now = stamp_.value_or(0)]() mutable {
     filter.settle();
-    return map.estimates(filter, true);
+    const auto inactive = filter.inactive().estimates(true);
+    return MapEstimate{map.estimates(filter, inactive), clones.estimate(filter, inactive, now)};
   };
+}
+
+PathEstimate InvariantEstimator::path() const {
+  if (!map_.keepsInactive()) return {};
+  Filter settled = filter_;
+  settled.settle();
+  return clones_.estimate(settled, settled.inactive().estimates(false), stamp_.value_or(0));
 }
 
 std::function<SavedMap()> InvariantEstimator::savedMap() const {

@@ -288,7 +288,7 @@ void SlamSystem::process(const Measurement& measurement) {
     }
     const StateEstimate state = estimator_->state();
     updateDeadReckoning(frame, state);
-    if (handlers_.frame) handlers_.frame({state, dead_reckoning_.pose(), report, update.count()});
+    if (handlers_.frame) handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
   }
 }
 

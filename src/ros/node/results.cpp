@@ -34,11 +34,11 @@ std::function<SavedMap()> Results::mapToKeep() const {
   return maps_.keepsSaved() ? maps_.snapshot(system_.estimator(), maps_.savedPath()) : nullptr;
 }
 
-void Results::write(const RunWriter& writer, const RunSummary& summary,
-                    const std::vector<LandmarkEstimate>& landmarks) const {
+void Results::write(const RunWriter& writer, const RunSummary& summary, const MapEstimate& map) const {
   writer.writeTrajectory(output_dir_);
-  RunWriter::writeMap(output_dir_, landmarks);
-  writer.writeSummary(output_dir_, summary, landmarks.size());
+  writer.writeSmoothed(output_dir_, map.path);
+  RunWriter::writeMap(output_dir_, map.landmarks);
+  writer.writeSummary(output_dir_, summary, map.landmarks.size());
 }
 
 /// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
@@ -48,12 +48,13 @@ void Results::autosaveIfDue() {
   // After a day the files are large: saving takes a tenth of the time at most.
   if (secondsSince(last_autosave_) < std::max(autosave_period_s_, kAutosaveCost * autosave_cost_s_)) return;
   last_autosave_ = WorkQueue::Clock::now();
-  autosave_ =
-      std::async(std::launch::async, [this, writer = writer_, summary = summary_(),
-                                      landmarks = system_.estimator().landmarks(), map = mapToKeep()] {
+  autosave_ = std::async(
+      std::launch::async, [this, writer = writer_, summary = summary_(),
+                           estimate = MapEstimate{system_.estimator().landmarks(), system_.estimator().path()},
+                           map = mapToKeep()] {
         const auto start = WorkQueue::Clock::now();
         try {
-          write(writer, summary, landmarks);
+          write(writer, summary, estimate);
           if (map) maps_.write(map, maps_.savedPath());
         } catch (const std::exception& e) {
           ROS_ERROR_STREAM("not saved: " << e.what());
@@ -87,8 +88,9 @@ Results::Answer Results::save(const Snapshot& snapshot) {
 Results::Answer Results::saveTrajectory() {
   if (output_dir_.empty()) return {false, "nothing saved: set ~output_dir and restart"};
   return save([this] {
-    return [this, writer = writer_] {
+    return [this, writer = writer_, path = system_.estimator().path()] {
       writer.writeTrajectory(output_dir_);
+      writer.writeSmoothed(output_dir_, path);
       return "saved in " + output_dir_;
     };
   });
@@ -100,13 +102,13 @@ Results::Answer Results::saveMap(const std::string& file) {
   const std::string path = file.empty() ? maps_.savedPath() : file;
   return save([this, path, in_output_dir = file.empty()] {
     return [this, path, in_output_dir, joint_map = maps_.snapshot(system_.estimator(), path),
-            landmarks = system_.estimator().exactMap()]() mutable {
+            exact = system_.estimator().exactMap()]() mutable {
       std::string also;
       if (in_output_dir) {
-        RunWriter::writeMap(output_dir_, landmarks());
+        RunWriter::writeMap(output_dir_, exact().landmarks);
         also = std::string(", but ") + RunWriter::kLandmarks + " in " + output_dir_;
       }
-      landmarks = nullptr; // lets go of what would have to be copied for joint_map to change it
+      exact = nullptr; // lets go of what would have to be copied for joint_map to change it
       if (!joint_map)
         throw std::runtime_error(
             "no " + path + also +
@@ -123,9 +125,11 @@ void Results::saveAtTheEnd() {
   if (autosave_.valid()) autosave_.wait();
   if (output_dir_.empty()) return;
   try {
-    write(writer_, summary_(), system_.estimator().landmarks());
+    write(writer_, summary_(), {system_.estimator().landmarks(), system_.estimator().path()});
     // Takes longer: who ends the node may not wait for it.
-    RunWriter::writeMap(output_dir_, system_.estimator().exactLandmarks());
+    const MapEstimate exact = system_.estimator().exactMap()();
+    RunWriter::writeMap(output_dir_, exact.landmarks);
+    writer_.writeSmoothed(output_dir_, exact.path);
     if (const auto map = mapToKeep()) maps_.write(map, maps_.savedPath());
     ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << output_dir_);
   } catch (const std::exception& e) {

@@ -86,6 +86,27 @@ Matrix6d BaseFrame::imuCovariance(const SE3& map_T_base, const Matrix6d& covaria
   return symmetric(turn * shifted(covariance, arm) * turn.transpose());
 }
 
+PathEstimate BaseFrame::path(PathEstimate of_imu) const {
+  if (!base_T_imu_) return of_imu;
+  const Matrix6d turn = twice(map_T_world_.rotation());
+  for (PathNode& node : of_imu.nodes) {
+    const Eigen::Vector3d arm = node.now.rotation() * base_T_imu_->inverse().translation();
+    node.covariance = symmetric(turn * shifted(node.covariance, arm) * turn.transpose());
+    for (SE3* of_node : {&node.before, &node.after, &node.now}) *of_node = pose(*of_node);
+  }
+  return of_imu;
+}
+
+ClosedLoop BaseFrame::loop(ClosedLoop of_imu) const {
+  if (!base_T_imu_) return of_imu;
+  const SE3 imu_T_base = base_T_imu_->inverse();
+  const Eigen::Vector3d arm = of_imu.before_T_now.rotation() * imu_T_base.translation();
+  const Matrix6d turn = twice(base_T_imu_->rotation());
+  of_imu.covariance = symmetric(turn * shifted(of_imu.covariance, arm) * turn.transpose());
+  of_imu.before_T_now = *base_T_imu_ * of_imu.before_T_now * imu_T_base;
+  return of_imu;
+}
+
 std::vector<LandmarkEstimate> BaseFrame::landmarks(std::vector<LandmarkEstimate> in_world) const {
   if (!base_T_imu_) return in_world;
   const Eigen::Matrix3d& R = map_T_world_.rotation();

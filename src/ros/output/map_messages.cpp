@@ -11,6 +11,8 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr const char* kNamespace = "landmarks";
+constexpr const char* kLoops = "loop_closures";
+constexpr double kLoopWidth = 0.3; // m
 
 visualization_msgs::Marker emptyMarker(const std::string& frame, Stamp stamp, int id) {
   visualization_msgs::Marker marker;
@@ -71,6 +73,27 @@ visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& l
     array.markers.push_back(std::move(marker));
   }
   return array;
+}
+
+visualization_msgs::Marker loopMarker(const PathEstimate& path, Stamp stamp, const std::string& frame) {
+  auto marker = emptyMarker(frame, stamp, 0);
+  marker.ns = kLoops;
+  marker.type = visualization_msgs::Marker::LINE_LIST;
+  // rviz complains about a list without points.
+  marker.action =
+      path.loops.empty() ? visualization_msgs::Marker::DELETE : visualization_msgs::Marker::ADD;
+  marker.scale.x = kLoopWidth;
+  marker.color.r = marker.color.b = marker.color.a = 1.0F;
+  const auto positionAt = [&path](Stamp end) {
+    const auto node = std::lower_bound(path.nodes.begin(), path.nodes.end(), end,
+                                       [](const PathNode& n, Stamp s) { return n.stamp < s; });
+    return toPoint((node == path.nodes.end() ? path.nodes.back() : *node).now.translation());
+  };
+  for (const LoopEnds& ends : path.loops) {
+    marker.points.push_back(positionAt(ends.before));
+    marker.points.push_back(positionAt(ends.now));
+  }
+  return marker;
 }
 
 visualization_msgs::MarkerArray deleteAllMarkers(const std::string& frame) {

@@ -8,9 +8,10 @@
 namespace vi_ekf_slam {
 
 MapPublisher::MapPublisher(ros::NodeHandle& nh, const RosConfig& config, LandmarkSource landmarks,
-                           std::atomic<bool>& listener_came)
+                           PathSource path, std::atomic<bool>& listener_came)
     : style_{config.map_frame},
       landmarks_(std::move(landmarks)),
+      path_(std::move(path)),
       pacer_(config.landmark_period_s, config.max_bandwidth_bytes_s),
       markers_(advertiseLatched<visualization_msgs::MarkerArray>(nh, "landmarks", listener_came)),
       cloud_(advertiseLatched<sensor_msgs::PointCloud2>(nh, "landmark_cloud", listener_came)) {}
@@ -22,7 +23,8 @@ void MapPublisher::send(Stamp stamp) {
   const auto landmarks = landmarks_();
   std::size_t bytes = 0; // of the larger topic
   if (markers_wanted) {
-    const auto markers = toMarkers(landmarks, stamp, style_, markers_shown_);
+    auto markers = toMarkers(landmarks, stamp, style_, markers_shown_);
+    markers.markers.push_back(loopMarker(path_(), stamp, style_.frame));
     markers_shown_ = (landmarks.size() + kMaxPointsPerMarker - 1) / kMaxPointsPerMarker;
     bytes = ros::serialization::serializationLength(markers);
     markers_.publish(markers);

@@ -24,6 +24,7 @@ bool PathRecorder::add(Stamp stamp, const SE3& pose) {
     if (std::hypot(next.x - last.x, next.y - last.y, next.z - last.z) < min_distance_) return false;
   }
   path_.poses.push_back(point);
+  added_.push_back({stamp, pose});
   path_.header.stamp = point.header.stamp;
   if (path_.poses.size() > max_points_) thin();
   return true;
@@ -31,13 +32,25 @@ bool PathRecorder::add(Stamp stamp, const SE3& pose) {
 
 void PathRecorder::thin() {
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < path_.poses.size(); i += 2) path_.poses[kept++] = path_.poses[i];
+  for (std::size_t i = 0; i < path_.poses.size(); i += 2, ++kept) {
+    path_.poses[kept] = path_.poses[i];
+    added_[kept] = added_[i];
+  }
   path_.poses.resize(kept);
+  added_.resize(kept);
   min_distance_ *= 2.0;
+}
+
+void PathRecorder::correct(const PathEstimate& path) {
+  for (std::size_t i = 0; i < added_.size(); ++i) {
+    const SE3 now = path.at(added_[i].stamp, added_[i].pose, Matrix6d::Zero()).world_T_imu;
+    path_.poses[i].pose = conversions::toPose(now);
+  }
 }
 
 void PathRecorder::clear() {
   path_.poses.clear();
+  added_.clear();
   min_distance_ = configured_distance_;
 }
 

@@ -12,18 +12,21 @@ constexpr std::size_t kManyWaiting = 200; // poses, which no delay of /tf explai
 } // namespace
 
 Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_s,
-                       const FrameTree& frames, MapPublisher::LandmarkSource landmarks)
+                       const FrameTree& frames, MapPublisher::LandmarkSource landmarks,
+                       MapPublisher::PathSource path)
     : config_(config),
       base_(frames, config),
       transforms_(frames, config, max_jump_s),
       path_(nh, "path", config, listener_came_),
       dead_reckoning_path_(nh, "dead_reckoning/path", config, listener_came_),
+      path_source_([this, path = std::move(path)] { return base_.path(path()); }),
       map_(
           nh, config, [this, landmarks = std::move(landmarks)] { return base_.landmarks(landmarks()); },
-          listener_came_),
+          path_source_, listener_came_),
       odometry_(nh.advertise<nav_msgs::Odometry>("odometry", kOutputQueue)),
       dead_reckoning_(nh.advertise<nav_msgs::Odometry>("dead_reckoning/odometry", kOutputQueue)),
-      pose_(nh.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", kOutputQueue)) {}
+      pose_(nh.advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", kOutputQueue)),
+      loops_(nh.advertise<LoopClosure>("loop_closures", kOutputQueue)) {}
 
 void Publishers::publish(const Output& output, bool is_frame) {
   if (base_.name().empty()) return;
@@ -39,9 +42,17 @@ void Publishers::publish(const Output& output, bool is_frame) {
   if (dead_reckoning_.getNumSubscribers() > 0 && !transforms_.followsForeignOdometry())
     dead_reckoning_.publish(conversions::toOdometry(in_odom, config_.odom_frame, base_.name()));
   if (pose_.getNumSubscribers() > 0) pose_.publish(conversions::toPoseMessage(in_map, config_.map_frame));
+  if (output.loop) publishLoop(*output.loop);
   path_.add(stamp, in_map.world_T_imu);
   dead_reckoning_path_.add(stamp, start_T_base);
   if (is_frame && map_.isDue(stamp)) map_.send(stamp);
+}
+
+/// The event, and the path as it is known after it.
+void Publishers::publishLoop(const ClosedLoop& of_imu) {
+  path_.correct(path_source_());
+  if (loops_.getNumSubscribers() > 0)
+    loops_.publish(conversions::toMessage(base_.loop(of_imu), config_.map_frame, base_.name()));
 }
 
 std::string Publishers::problem() const {

@@ -79,6 +79,9 @@ class Filter {
   void remove(Handle handle);
   /// Keeps a variable's mean and correlation out of the way; its handle stays. `noise` (k x k) is added.
   void deactivate(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& noise);
+  /// A new inactive variable is the pose of now, with errors (dp, theta) along the world axes: its mean is
+  /// the position, and how the pose is turned by later corrections (rad, world).
+  Handle clonePose();
   /// Brings inactive variables back, after settling all that was deferred.
   void activate(const std::vector<Handle>& handles);
   std::vector<Handle> marginaliseOldest(std::size_t count);

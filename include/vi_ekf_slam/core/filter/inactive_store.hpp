@@ -101,6 +101,12 @@ class InactiveStore {
     Eigen::MatrixXd covariance;
   };
   std::vector<Estimate> estimates(bool exact) const;
+  /// One of them as it is now, and the covariance of the active errors with it (n x k).
+  struct Related {
+    Estimate estimate;
+    Eigen::MatrixXd cross;
+  };
+  Related related(Handle handle) const;
   std::vector<Handle> handles() const;
 
   std::size_t bytes() const;
@@ -126,6 +132,7 @@ class InactiveStore {
 
   Eigen::Ref<Eigen::MatrixXd> map() { return open_.F.topLeftCorner(rows_, columns()); }
   Eigen::Index columns() const { return open_.begin + open_.left(); }
+  Estimate estimateInOpen(std::size_t i) const;
   void begin(Eigen::Index rows);
   void close();
   Settled& ownSettled();

@@ -25,9 +25,9 @@ class AppearanceLoops {
   static void claim(const Filter& filter, LandmarkMap& map, const StereoModel& model,
                     const StereoFrame& frame, const std::vector<std::size_t>& usable);
 
-  /// After a frame; `seconds` have passed since the last one. How many landmarks were found to be ones that
-  /// were seen before, by being compared.
-  std::size_t update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
+  /// After a frame; `seconds` have passed since the last one. Landmarks that were found to be ones that were
+  /// seen before, by being compared.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
   void restart();
 
  private:
@@ -38,8 +38,8 @@ class AppearanceLoops {
   };
 
   std::optional<Recognition> place(const Filter& filter, const LandmarkMap& map);
-  std::size_t close(const Recognition& found, Filter& filter, LandmarkMap& map, const StereoModel& model,
-                    Stamp now);
+  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map, const StereoModel& model,
+                Stamp now);
   void index(const Filter& filter, const LandmarkMap& map);
   void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;

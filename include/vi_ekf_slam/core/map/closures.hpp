@@ -20,23 +20,28 @@ class Closures {
   Closures(PlaceRecognition recognition, double operations_per_second)
       : recognition_(recognition), returning_(operations_per_second), by_appearance_(operations_per_second) {}
 
-  /// After the frame of the report; `seconds` have passed since the last one.
-  void update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
-              FrameReport& report) {
-    map.bound(filter);
-    report.revisited += returning_.update(filter, map, model, report.stamp, seconds);
-    if (recognition_ != PlaceRecognition::kNone) {
-      const std::size_t again = by_appearance_.update(filter, map, model, report.stamp, seconds);
-      report.revisited += again;
-      report.place_recognised = again > 0;
-    }
+  /// After the frame of the report; `seconds` have passed since the last one. What the loop says that it has
+  /// closed, if any: of several the one of the most landmarks.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
+                 FrameReport& report) {
+    Revisit revisit = returning_.update(filter, map, model, report.stamp, seconds);
+    report.revisited += revisit.landmarks;
+    const auto recognised = [&](const Revisit& place) {
+      report.place_recognised |= place.landmarks > 0;
+      if (place.landmarks > revisit.landmarks) revisit = place;
+      return place.landmarks;
+    };
+    if (recognition_ != PlaceRecognition::kNone)
+      report.revisited +=
+          recognised(by_appearance_.update(filter, map, model, report.stamp, seconds));
     if (recognition_ == PlaceRecognition::kConstellation)
-      report.place_recognised |= by_constellation_.update(filter, map, report.stamp, seconds);
+      recognised(by_constellation_.update(filter, map, report.stamp, seconds));
     report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, report.stamp);
-    if (!report.relocalised) return;
+    if (!report.relocalised) return revisit;
     by_appearance_.restart();
     relocaliser_.reset();
     use_ = MapUse::kRelocalised;
+    return {};
   }
   /// Before the frame's features are associated.
   void expect(const Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,

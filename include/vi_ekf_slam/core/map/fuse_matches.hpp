@@ -11,10 +11,20 @@ namespace vi_ekf_slam {
 /// Of landmarks that are said to be the same: the ids of the one that is active, and of the inactive one.
 using Matches = std::vector<std::pair<FeatureId, FeatureId>>;
 
+/// Landmarks that were found to be ones that were seen before.
+struct Revisit {
+  std::size_t landmarks = 0;
+  Stamp last_seen = 0; ///< before: the median of those that were fused
+};
+
 /// Reactivates the inactive ones, and those of `expected`, and fuses each pair where at least `least` agree
 /// (fuseDuplicates, within `sigma` m). Of a pair that is fused the active one stays, with what both were; all
 /// others are inactive again, and those of `expected` too where nothing was fused. What became of each pair.
-Fusion fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
+struct FusedMatches {
+  Fusion fusion; ///< pair by pair
+  Revisit revisit;
+};
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
                    const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma);
 
 } // namespace vi_ekf_slam

@@ -56,6 +56,8 @@ class LandmarkMap {
   bool isInactive(FeatureId id) const { return inactive_by_id_.count(id) != 0; }
   Handle inactiveVariable(FeatureId id) const { return inactive_by_id_.at(id); }
   const Landmark& inactive(Handle variable) const { return inactive_.at(variable); }
+  bool isLandmark(Handle variable) const { return inactive_.count(variable) != 0; }
+  std::size_t inactiveCount() const { return inactive_.size(); }
   const Archive& archive() const { return archive_; }
   Archive& archive() { return archive_; }
 
@@ -70,8 +72,9 @@ class LandmarkMap {
   void deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
   /// Inactive landmarks are the last active ones, in this order.
   void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
-  /// Marginalises those that were tracked the longest time ago, where there are too many; `all`: all.
-  void bound(Filter& filter, bool all = false);
+  /// Marginalises what has been inactive for the longest time, where there is too much; `all`: all. The last
+  /// estimates of what was not a landmark.
+  std::vector<InactiveStore::Estimate> bound(Filter& filter, bool all = false);
   /// The landmarks of another map, inactive, with Filter::adopt's covariances. With `renumbered`, where ids
   /// say nothing about them, number i has the id kRenumbered + i.
   void adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd covariance, Eigen::MatrixXd cross,
@@ -82,9 +85,27 @@ class LandmarkMap {
   /// The same, for a filter that is to be given up: all estimates that are valid go to the archive.
   void archiveAll(const Filter& filter);
 
-  /// Every landmark by id, once. With `exact`, the covariances of now; else those of inactive ones may be of
-  /// when they were last settled, which is never less.
-  std::vector<LandmarkEstimate> estimates(const Filter& filter, bool exact) const;
+  /// A landmark out of view, with the filter's estimate: its covariance may be of when it was last settled,
+  /// which is never less.
+  struct OutOfView {
+    const Landmark& landmark;
+    const InactiveStore::Estimate& estimate;
+  };
+  /// Calls visit(OutOfView) for each.
+  template <class Visit>
+  void forEachOutOfView(const Filter& filter, const Visit& visit) const {
+    for (const InactiveStore::Estimate& estimate : filter.inactive().estimates(false)) {
+      const auto found = inactive_.find(estimate.variable.handle);
+      if (found != inactive_.end()) visit(OutOfView{found->second, estimate});
+    }
+  }
+
+  /// Every landmark by id, once; `inactive` are the filter's estimates.
+  std::vector<LandmarkEstimate> estimates(const Filter& filter,
+                                          const std::vector<InactiveStore::Estimate>& inactive) const;
+  std::vector<LandmarkEstimate> estimates(const Filter& filter, bool exact) const {
+    return estimates(filter, filter.inactive().estimates(exact));
+  }
 
  private:
   LandmarkEstimate estimateOf(const Filter& filter, const Landmark& landmark) const;

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "vi_ekf_slam/core/map/landmark_map.hpp"
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
 
 namespace vi_ekf_slam {
@@ -14,8 +14,8 @@ namespace vi_ekf_slam {
 class PlaceLoops {
  public:
   PlaceLoops();
-  /// `seconds` have passed since the last frame. Whether a place was recognised.
-  bool update(Filter& filter, LandmarkMap& map, Stamp now, double seconds);
+  /// `seconds` have passed since the last frame. Landmarks of the place that was recognised.
+  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, double seconds);
 
  private:
   PlaceAgreement agreement_;

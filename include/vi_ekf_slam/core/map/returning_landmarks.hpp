@@ -3,7 +3,7 @@
 #include <unordered_set>
 #include <vector>
 
-#include "vi_ekf_slam/core/map/landmark_map.hpp"
+#include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
@@ -20,12 +20,12 @@ class ReturningLandmarks {
   /// Floating-point operations that may be spent on settling, on the average of a second.
   explicit ReturningLandmarks(double operations_per_second) : per_second_(operations_per_second) {}
 
-  /// `seconds` have passed since the last frame. How many were fused.
-  std::size_t update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
+  /// `seconds` have passed since the last frame. Those that were fused.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
 
-  /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree. How many.
-  std::size_t fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                   const std::vector<FeatureId>& ids, std::size_t least);
+  /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree.
+  Revisit fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+               const std::vector<FeatureId>& ids, std::size_t least);
 
   /// Whether a reactivated landmark that is not in view is still expected there.
   static bool isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model, Stamp now);

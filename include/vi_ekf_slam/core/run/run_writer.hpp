@@ -35,6 +35,8 @@ struct RunSummary {
 ///   stereo frame. Input without any stereo frame (dead reckoning only) has one line a gyro sample instead.
 /// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
 ///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
+/// - trajectory_smoothed.tum, covariance_smoothed.csv: the same moments as they are known at the end
+///   (PathEstimate), after loops were closed; not of earlier starts.
 /// - frames.csv: the FrameReport of each frame. landmarks.csv: final map. summary.yaml: counts and times.
 /// - calibration.yaml: where some of it was estimated, see rigCalibrationText.
 ///
@@ -43,10 +45,12 @@ struct RunSummary {
 class RunWriter {
  public:
   static constexpr const char *kTrajectory = "trajectory.tum", *kDeadReckoning = "dead_reckoning.tum",
-                              *kCovariance = "covariance.csv", *kFrames = "frames.csv",
+                              *kCovariance = "covariance.csv", *kSmoothed = "trajectory_smoothed.tum",
+                              *kSmoothedCovariance = "covariance_smoothed.csv", *kFrames = "frames.csv",
                               *kLandmarks = "landmarks.csv", *kSummary = "summary.yaml";
-  static constexpr std::array<const char*, 6> kFiles = {kTrajectory, kDeadReckoning, kCovariance,
-                                                        kFrames,     kLandmarks,     kSummary};
+  static constexpr std::array<const char*, 8> kFiles = {kTrajectory, kDeadReckoning,      kCovariance,
+                                                        kSmoothed,   kSmoothedCovariance, kFrames,
+                                                        kLandmarks,  kSummary};
   static constexpr const char* kCalibration = "calibration.yaml"; ///< where it was estimated
   /// What the names of the folders of earlier starts begin with.
   static constexpr const char* kBeforeReset = "before_reset_";
@@ -73,6 +77,7 @@ class RunWriter {
   /// that a run without results leaves no folder.
   static void requireDirectory(const std::string& directory);
   void writeTrajectory(const std::string& directory) const;
+  void writeSmoothed(const std::string& directory, const PathEstimate& path) const;
   static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
   void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 

@@ -9,6 +9,7 @@
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/core/health/divergence_monitor.hpp"
+#include "vi_ekf_slam/core/map/path_estimate.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
@@ -34,6 +35,12 @@ struct LandmarkEstimate {
   FeatureId id = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();   ///< world frame, m
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero(); ///< m^2, world axes, marginal
+};
+
+/// Landmarks by id, and the path so far, all as known now.
+struct MapEstimate {
+  std::vector<LandmarkEstimate> landmarks;
+  PathEstimate path;
 };
 
 /// What an estimator did with one stereo frame.
@@ -114,10 +121,16 @@ class Estimator {
   virtual std::vector<LandmarkEstimate> landmarks() const = 0;
   /// The same with the covariances of now. Cheap to be made; calling it computes, which may take as long as
   /// some seconds of the drive did, and may be done in any thread.
-  virtual std::function<std::vector<LandmarkEstimate>()> exactMap() const {
-    return [all = landmarks()] { return all; };
+  virtual std::function<MapEstimate()> exactMap() const {
+    return [all = landmarks()] { return MapEstimate{all, {}}; };
   }
-  std::vector<LandmarkEstimate> exactLandmarks() const { return exactMap()(); }
+  std::vector<LandmarkEstimate> exactLandmarks() const { return exactMap()().landmarks; }
+
+  /// The path so far as it is known now, see PathEstimate; covariances as landmarks(). Without nodes for an
+  /// estimator that keeps no joint map: nothing that it learns changes what was.
+  virtual PathEstimate path() const { return {}; }
+  /// The loop that the last frame has closed.
+  virtual std::optional<ClosedLoop> closedLoop() const { return std::nullopt; }
 
   /// Whether it keeps a joint covariance of pose and map; only then the following do anything.
   virtual bool keepsJointMap() const { return false; }

@@ -37,7 +37,11 @@ class InertialEstimator : public Estimator {
   std::optional<RigEstimate> rig() const override { return filter_ ? filter_->rig() : std::nullopt; }
   double timeOffset() const override { return filter_ ? filter_->timeOffset() : config_.rig.time_offset; }
   std::vector<LandmarkEstimate> landmarks() const override;
-  std::function<std::vector<LandmarkEstimate>()> exactMap() const override;
+  std::function<MapEstimate()> exactMap() const override;
+  PathEstimate path() const override { return filter_ ? filter_->path() : PathEstimate(); }
+  std::optional<ClosedLoop> closedLoop() const override {
+    return filter_ ? filter_->closedLoop() : std::nullopt;
+  }
   bool keepsJointMap() const override { return config_.map.keep != MapKeep::kNone; }
   std::function<SavedMap()> savedMap() const override;
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/map/closures.hpp"
+#include "vi_ekf_slam/core/map/pose_clones.hpp"
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
@@ -40,7 +41,9 @@ class InvariantEstimator : public Estimator {
   std::optional<RigEstimate> rig() const override;
   double timeOffset() const override;
   std::vector<LandmarkEstimate> landmarks() const override;
-  std::function<std::vector<LandmarkEstimate>()> exactMap() const override;
+  std::function<MapEstimate()> exactMap() const override;
+  PathEstimate path() const override;
+  std::optional<ClosedLoop> closedLoop() const override { return loop_; }
   bool keepsJointMap() const override { return map_.keepsInactive(); }
   std::function<SavedMap()> savedMap() const override;
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override { closures_.relocaliseIn(std::move(map)); }
@@ -53,6 +56,7 @@ class InvariantEstimator : public Estimator {
   void propagate(Filter& filter, Stamp from, Stamp to) const;
   void checkpoint(bool thoroughly);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
+  void closeLoops(FrameReport& report);
   void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
@@ -76,6 +80,8 @@ class InvariantEstimator : public Estimator {
   Recovery recovery_;
   TrackStatus tracks_;
   Closures closures_;
+  PoseClones clones_;
+  std::optional<ClosedLoop> loop_; ///< of the last frame
   std::optional<Stamp> stamp_;
   std::optional<LastFrame> last_frame_;
   Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame

@@ -32,6 +32,7 @@ struct Output {
   SE3 odom_T_imu;        ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
   FrameReport report;    ///< only for frames
   double update_s = 0.0; ///< s of wall time that the estimator took; only for frames
+  std::optional<ClosedLoop> loop{}; ///< that the frame has closed
 };
 
 /// Counts since construction; a reset does not clear them.

@@ -49,8 +49,7 @@ class Results {
 
   Answer save(const Snapshot& snapshot);
   std::function<SavedMap()> mapToKeep() const;
-  void write(const RunWriter& writer, const RunSummary& summary,
-             const std::vector<LandmarkEstimate>& landmarks) const;
+  void write(const RunWriter& writer, const RunSummary& summary, const MapEstimate& map) const;
 
   std::string output_dir_;
   double autosave_period_s_;

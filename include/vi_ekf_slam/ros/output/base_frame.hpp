@@ -39,6 +39,9 @@ class BaseFrame {
   StateEstimate state(const StateEstimate& of_imu) const;
   /// Of the IMU's pose in the world, from that of the base's in the map; both along the fixed axes.
   Matrix6d imuCovariance(const SE3& map_T_base, const Matrix6d& covariance) const;
+  /// The same of all of a path, and of a loop.
+  PathEstimate path(PathEstimate of_imu) const;
+  ClosedLoop loop(ClosedLoop of_imu) const;
   std::vector<LandmarkEstimate> landmarks(std::vector<LandmarkEstimate> in_world) const;
 
  private:

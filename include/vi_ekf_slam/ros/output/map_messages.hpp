@@ -33,6 +33,10 @@ double landmarkSigma(const LandmarkEstimate& landmark);
 visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
                                           const MarkerStyle& style, std::size_t previous_markers);
 
+/// A LINE_LIST of its own namespace, `loop_closures`: a line between the two ends of each loop that was closed, as
+/// they are known now.
+visualization_msgs::Marker loopMarker(const PathEstimate& path, Stamp stamp, const std::string& frame);
+
 /// One DELETEALL.
 visualization_msgs::MarkerArray deleteAllMarkers(const std::string& frame);
 

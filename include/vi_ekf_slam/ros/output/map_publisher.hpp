@@ -11,13 +11,15 @@
 
 namespace vi_ekf_slam {
 
-/// The landmarks, as markers and as a cloud, and when they are sent.
+/// The landmarks, as markers and as a cloud, the loops that were closed, and when all is sent.
 class MapPublisher {
  public:
   /// In the map frame.
   using LandmarkSource = std::function<std::vector<LandmarkEstimate>()>;
 
-  MapPublisher(ros::NodeHandle& nh, const RosConfig& config, LandmarkSource landmarks,
+  using PathSource = std::function<PathEstimate()>;
+
+  MapPublisher(ros::NodeHandle& nh, const RosConfig& config, LandmarkSource landmarks, PathSource path,
                std::atomic<bool>& listener_came);
 
   bool isDue(Stamp stamp) const { return pacer_.isDue(stamp); }
@@ -29,6 +31,7 @@ class MapPublisher {
  private:
   MarkerStyle style_;
   LandmarkSource landmarks_;
+  PathSource path_;
   Pacer pacer_;
   std::size_t markers_shown_ = 0;
   ros::Publisher markers_;

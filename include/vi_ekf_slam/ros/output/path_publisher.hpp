@@ -15,6 +15,11 @@ class PathPublisher {
 
   /// A pose in the map frame; sends the path when it is due.
   void add(Stamp stamp, const SE3& pose);
+  /// A loop was closed: the whole path is another one, and is sent when the next pose is due.
+  void correct(const PathEstimate& path) {
+    path_.correct(path);
+    changed_ = true;
+  }
   void send();
   /// What was held back for the bandwidth's sake, at the same pace by wall time.
   void sendUnsent();

@@ -3,9 +3,9 @@
 #include <nav_msgs/Path.h>
 
 #include <string>
+#include <vector>
 
-#include "vi_ekf_slam/core/geometry/se3.hpp"
-#include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/map/path_estimate.hpp"
 
 namespace vi_ekf_slam {
 
@@ -19,6 +19,8 @@ class PathRecorder {
 
   /// Whether the pose became a point.
   bool add(Stamp stamp, const SE3& pose);
+  /// All points are where the path has them, whatever they were corrected by before.
+  void correct(const PathEstimate& path);
   void clear();
   const nav_msgs::Path& message() const { return path_; }
 
@@ -29,6 +31,11 @@ class PathRecorder {
   double configured_distance_;
   double min_distance_;
   nav_msgs::Path path_;
+  struct Added {
+    Stamp stamp;
+    SE3 pose;
+  };
+  std::vector<Added> added_; ///< the points as they were added
 };
 
 } // namespace vi_ekf_slam

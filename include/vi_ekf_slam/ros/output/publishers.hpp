@@ -21,9 +21,9 @@ namespace vi_ekf_slam {
 /// from one thread; that of the callbacks may be another.
 class Publishers {
  public:
-  /// `frames` must outlive this; `landmarks`: in the estimator's world.
+  /// `frames` must outlive this; `landmarks` and `path`: in the estimator's world.
   Publishers(ros::NodeHandle nh, const RosConfig& config, double max_jump_s, const FrameTree& frames,
-             MapPublisher::LandmarkSource landmarks);
+             MapPublisher::LandmarkSource landmarks, MapPublisher::PathSource path);
 
   /// Odometry, pose, TF, paths and, after a frame when the period is over, the map; nothing as long as the
   /// base frame is not known.
@@ -57,6 +57,8 @@ class Publishers {
   void restart();
 
  private:
+  void publishLoop(const ClosedLoop& of_imu);
+
   RosConfig config_;
   BaseFrame base_;
   SmoothOdometry smooth_;
@@ -64,9 +66,10 @@ class Publishers {
   std::atomic<bool> listener_came_{false};
   PathPublisher path_;
   PathPublisher dead_reckoning_path_; ///< in the map frame too: as if nothing had corrected it
+  MapPublisher::PathSource path_source_;
   MapPublisher map_;
   std::optional<Stamp> last_stamp_;
-  ros::Publisher odometry_, dead_reckoning_, pose_;
+  ros::Publisher odometry_, dead_reckoning_, pose_, loops_;
 };
 
 } // namespace vi_ekf_slam

@@ -1,0 +1,110 @@
+#include "vi_ekf_slam/core/map/pose_clones.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <unordered_map>
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+// Between two clones the path is corrected in proportion: what a loop corrects changes over tens of metres.
+constexpr double kBetweenClones = 5.0;                // m
+constexpr double kTurnBetween = 0.5;               // rad
+constexpr std::size_t kMostArchived = 20000; // beyond it every second one is dropped
+constexpr std::size_t kMostLoops = 10000;    // the last ones
+
+} // namespace
+
+void PoseClones::add(Filter& filter, Stamp now, const SE3& before, bool closed) {
+  const SE3& pose = filter.pose();
+  if (follows_ && !closed && !clones_.empty()) {
+    const SE3 since = clones_.back().node.after.inverse() * pose;
+    if (since.translation().norm() < kBetweenClones && so3::Log(since.rotation()).norm() < kTurnBetween) return;
+  }
+  PathNode node;
+  node.stamp = now;
+  node.before = before;
+  node.after = node.now = pose;
+  node.follows = follows_;
+  follows_ = true;
+  clones_.push_back({filter.clonePose(), node});
+}
+
+/// Means of a clone are its position, and how it was turned since.
+PathNode PoseClones::moved(const PathNode& node, const InactiveStore::Estimate& estimate) {
+  const Eigen::VectorXd& mean = estimate.variable.mean;
+  PathNode moved = node;
+  moved.now = SE3(so3::Exp(mean.tail<3>()) * node.after.rotation(), mean.head<3>()).normalized();
+  moved.covariance = estimate.covariance;
+  return moved;
+}
+
+void PoseClones::archive(const std::vector<InactiveStore::Estimate>& gone) {
+  std::unordered_map<Handle, const InactiveStore::Estimate*> by_handle;
+  for (const auto& estimate : gone) by_handle.emplace(estimate.variable.handle, &estimate);
+  // They leave in the order in which they came.
+  for (; !clones_.empty(); clones_.pop_front()) {
+    const auto found = by_handle.find(clones_.front().variable);
+    if (found == by_handle.end()) break;
+    archive_.push_back(moved(clones_.front().node, *found->second));
+  }
+  if (archive_.size() <= kMostArchived) return;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < archive_.size(); ++i) {
+    const bool borders = !archive_[i].follows || (i + 1 < archive_.size() && !archive_[i + 1].follows);
+    if (i % 2 == 0 || borders) archive_[kept++] = archive_[i];
+  }
+  archive_.resize(kept);
+}
+
+/// With errors (dp, theta) of both poses, about the axes of the one before:
+/// dp = R^T (dp_now - dp_before + [p_now - p_before]x theta_before), theta = R^T (theta_now - theta_before).
+std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp before, std::size_t landmarks) {
+  if (clones_.size() < 2) return std::nullopt;
+  const auto then = std::min_element(clones_.begin(), std::prev(clones_.end()),
+                                     [before](const Clone& a, const Clone& b) {
+                                       return std::llabs(a.node.stamp - before) < std::llabs(b.node.stamp - before);
+                                     });
+  // What was seen before the first clone, by another drive, is no loop of this path.
+  if (before < clones_.front().node.stamp && then == clones_.begin() && !archive_.empty()) return std::nullopt;
+  filter.settle();
+  const InactiveStore::Related related = filter.inactive().related(then->variable);
+  const SE3 there = moved(then->node, related.estimate).now;
+  ClosedLoop closure;
+  closure.ends = {then->node.stamp, clones_.back().node.stamp};
+  closure.before_T_now = there.inverse() * filter.pose();
+  closure.landmarks = landmarks;
+  Eigen::Matrix<double, 12, 12> joint;
+  joint << filter.covariance().topLeftCorner<6, 6>(), related.cross.topRows<6>(),
+      related.cross.topRows<6>().transpose(), related.estimate.covariance;
+  Eigen::Matrix<double, 6, 12> J = Eigen::Matrix<double, 6, 12>::Zero();
+  J.leftCols<6>().setIdentity();
+  J.rightCols<6>() = -Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = so3::hat(filter.pose().translation() - there.translation());
+  Matrix6d axes = Matrix6d::Zero();
+  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = there.rotation().transpose();
+  closure.covariance = axes * J * joint * J.transpose() * axes.transpose();
+  if (loops_.size() == kMostLoops) loops_.erase(loops_.begin(), loops_.begin() + kMostLoops / 2);
+  loops_.push_back(closure.ends);
+  return closure;
+}
+
+PathEstimate PoseClones::estimate(const Filter& filter, const std::vector<InactiveStore::Estimate>& inactive,
+                                  Stamp now) const {
+  std::unordered_map<Handle, const InactiveStore::Estimate*> by_handle;
+  for (const auto& estimate : inactive) by_handle.emplace(estimate.variable.handle, &estimate);
+  PathEstimate path{archive_, loops_};
+  for (const Clone& clone : clones_) path.nodes.push_back(moved(clone.node, *by_handle.at(clone.variable)));
+  if (!path.nodes.empty() && path.nodes.back().stamp == now) return path;
+  PathNode node;
+  node.stamp = now;
+  node.before = node.after = node.now = filter.pose();
+  node.covariance = filter.covariance().topLeftCorner<6, 6>();
+  node.follows = follows_;
+  path.nodes.push_back(node);
+  return path;
+}
+
+} // namespace vi_ekf_slam
