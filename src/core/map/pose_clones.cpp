@@ -17,26 +17,28 @@ constexpr std::size_t kMostLoops = 10000;    // the last ones
 
 } // namespace
 
-void PoseClones::add(Filter& filter, Stamp now, const SE3& before, bool closed) {
-  const SE3& pose = filter.pose();
-  if (follows_ && !closed && !clones_.empty()) {
-    const SE3 since = clones_.back().node.after.inverse() * pose;
+void PoseClones::add(Filter& filter, Stamp now) {
+  if (follows_ && !clones_.empty()) {
+    const SE3 since = clones_.back().node.after.inverse() * filter.pose();
     if (since.translation().norm() < kBetweenClones && so3::Log(since.rotation()).norm() < kTurnBetween) return;
   }
+  append(filter, now);
+}
+
+void PoseClones::append(Filter& filter, Stamp now) {
   PathNode node;
   node.stamp = now;
-  node.before = before;
-  node.after = node.now = pose;
+  node.before = node.after = node.now = filter.pose();
   node.follows = follows_;
   follows_ = true;
-  clones_.push_back({filter.clonePose(), node});
+  clones_.push_back({filter.clonePose(), node, filter.pose().rotation()});
 }
 
 /// Means of a clone are its position, and how it was turned since.
-PathNode PoseClones::moved(const PathNode& node, const InactiveStore::Estimate& estimate) {
+PathNode PoseClones::moved(const Clone& clone, const InactiveStore::Estimate& estimate) {
   const Eigen::VectorXd& mean = estimate.variable.mean;
-  PathNode moved = node;
-  moved.now = SE3(so3::Exp(mean.tail<3>()) * node.after.rotation(), mean.head<3>()).normalized();
+  PathNode moved = clone.node;
+  moved.now = SE3(so3::Exp(mean.tail<3>()) * clone.rotation, mean.head<3>()).normalized();
   moved.covariance = estimate.covariance;
   return moved;
 }
@@ -48,7 +50,7 @@ void PoseClones::archive(const std::vector<InactiveStore::Estimate>& gone) {
   for (; !clones_.empty(); clones_.pop_front()) {
     const auto found = by_handle.find(clones_.front().variable);
     if (found == by_handle.end()) break;
-    archive_.push_back(moved(clones_.front().node, *found->second));
+    archive_.push_back(moved(clones_.front(), *found->second));
   }
   if (archive_.size() <= kMostArchived) return;
   std::size_t kept = 0;
@@ -61,19 +63,23 @@ void PoseClones::archive(const std::vector<InactiveStore::Estimate>& gone) {
 
 /// With errors (dp, theta) of both poses, about the axes of the one before:
 /// dp = R^T (dp_now - dp_before + [p_now - p_before]x theta_before), theta = R^T (theta_now - theta_before).
-std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp before, std::size_t landmarks) {
+std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp now, const SE3& before, Stamp last,
+                                            std::size_t landmarks) {
+  if (clones_.empty() || clones_.back().node.stamp != now) append(filter, now);
+  clones_.back().node.before = before;
+  clones_.back().node.after = filter.pose();
   if (clones_.size() < 2) return std::nullopt;
   const auto then = std::min_element(clones_.begin(), std::prev(clones_.end()),
-                                     [before](const Clone& a, const Clone& b) {
-                                       return std::llabs(a.node.stamp - before) < std::llabs(b.node.stamp - before);
+                                     [last](const Clone& a, const Clone& b) {
+                                       return std::llabs(a.node.stamp - last) < std::llabs(b.node.stamp - last);
                                      });
-  // What was seen before the first clone, by another drive, is no loop of this path.
-  if (before < clones_.front().node.stamp && then == clones_.begin() && !archive_.empty()) return std::nullopt;
+  // Earlier than the first clone: by another drive, or where the path is not known to the filter any more.
+  if (last < clones_.front().node.stamp) return std::nullopt;
   filter.settle();
   const InactiveStore::Related related = filter.inactive().related(then->variable);
-  const SE3 there = moved(then->node, related.estimate).now;
+  const SE3 there = moved(*then, related.estimate).now;
   ClosedLoop closure;
-  closure.ends = {then->node.stamp, clones_.back().node.stamp};
+  closure.ends = {then->node.stamp, now};
   closure.before_T_now = there.inverse() * filter.pose();
   closure.landmarks = landmarks;
   Eigen::Matrix<double, 12, 12> joint;
@@ -96,7 +102,7 @@ PathEstimate PoseClones::estimate(const Filter& filter, const std::vector<Inacti
   std::unordered_map<Handle, const InactiveStore::Estimate*> by_handle;
   for (const auto& estimate : inactive) by_handle.emplace(estimate.variable.handle, &estimate);
   PathEstimate path{archive_, loops_};
-  for (const Clone& clone : clones_) path.nodes.push_back(moved(clone.node, *by_handle.at(clone.variable)));
+  for (const Clone& clone : clones_) path.nodes.push_back(moved(clone, *by_handle.at(clone.variable)));
   if (!path.nodes.empty() && path.nodes.back().stamp == now) return path;
   PathNode node;
   node.stamp = now;

@@ -187,11 +187,13 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
     loseAll();
     tracks_.restart(frame.stamp);
     recovery_.useFrame();
+    if (map_.keepsInactive()) clones_.add(filter_, frame.stamp);
     initialise(frame, usable.features, report);
   } else if (!outcome.skipped) {
     tracks_.noteUse(frame.stamp);
     recovery_.useFrame();
     updateTracks(frame, seen, outcome, report);
+    if (map_.keepsInactive()) clones_.add(filter_, frame.stamp);
     initialise(frame, seen.unknown, report);
   } // a skipped frame leaves the local map as it is
 }
@@ -203,9 +205,9 @@ void InvariantEstimator::closeLoops(FrameReport& report) {
   const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
   const Revisit revisit = closures_.update(filter_, map_, *model_, seconds, report);
   if (report.relocalised) clones_.clear();
-  clones_.add(filter_, *stamp_, before, revisit.landmarks > 0);
   loop_.reset();
-  if (revisit.landmarks > 0) loop_ = clones_.close(filter_, revisit.last_seen, revisit.landmarks);
+  if (revisit.landmarks > 0)
+    loop_ = clones_.close(filter_, report.stamp, before, revisit.last_seen, revisit.landmarks);
 }
 
 void InvariantEstimator::loseAll() {

@@ -14,8 +14,9 @@ namespace vi_ekf_slam {
 /// where they are then.
 class PoseClones {
  public:
-  /// After a frame, whose loop closures found the pose at `before`; `closed`: there was one.
-  void add(Filter& filter, Stamp now, const SE3& before, bool closed);
+  /// In a frame that has corrected the pose. Before there are new landmarks: a block of the filter's inactive
+  /// variables that begins here then is the smaller.
+  void add(Filter& filter, Stamp now);
   /// The pose of now is not where motion alone has led from the last clone.
   void breakOff() { follows_ = false; }
   /// Of these variables, which are gone from the filter, clones keep their last estimates.
@@ -23,9 +24,10 @@ class PoseClones {
   /// Earlier poses are in another world.
   void clear() { *this = PoseClones(); }
 
-  /// The loop that the frame of the last clone has closed with `landmarks` that were seen at `before`.
-  /// Nothing where no clone of then is left in the filter.
-  std::optional<ClosedLoop> close(Filter& filter, Stamp before, std::size_t landmarks);
+  /// The frame of `now` has found `landmarks` again that were seen `last` then, and the pose, which was
+  /// `before`, where it is. The loop; nothing where no clone of then is left in the filter.
+  std::optional<ClosedLoop> close(Filter& filter, Stamp now, const SE3& before, Stamp last,
+                                  std::size_t landmarks);
 
   /// With the pose of `now`; `inactive` are the filter's estimates.
   PathEstimate estimate(const Filter& filter, const std::vector<InactiveStore::Estimate>& inactive,
@@ -34,10 +36,12 @@ class PoseClones {
  private:
   struct Clone {
     Handle variable;
-    PathNode node; ///< as of then
+    PathNode node;            ///< as of then
+    Eigen::Matrix3d rotation; ///< from which the variable's mean turns
   };
 
-  static PathNode moved(const PathNode& node, const InactiveStore::Estimate& estimate);
+  void append(Filter& filter, Stamp now);
+  static PathNode moved(const Clone& clone, const InactiveStore::Estimate& estimate);
 
   std::deque<Clone> clones_;
   std::vector<PathNode> archive_;
