@@ -33,7 +33,8 @@ Handle Filter::clonePose() {
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(6);
   mean.head<3>() = pose().translation();
   const auto P = covariance();
-  inactive_.add(handle, mean, 0, Eigen::MatrixXd::Zero(6, 6), P.topLeftCorner<6, 6>(), P.leftCols<6>());
+  inactive_.add(handle, mean, 0, Eigen::MatrixXd::Zero(6, 6), P.topLeftCorner<6, 6>(), P.leftCols<6>(),
+                false);
   return handle;
 }
 

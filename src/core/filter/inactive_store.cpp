@@ -121,11 +121,11 @@ void InactiveStore::forget(Eigen::Index row, Eigen::Index rows) {
 void InactiveStore::add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index row,
                         const Eigen::Ref<const Eigen::MatrixXd>& D,
                         const Eigen::Ref<const Eigen::MatrixXd>& own,
-                        const Eigen::Ref<const Eigen::MatrixXd>& cross) {
+                        const Eigen::Ref<const Eigen::MatrixXd>& cross, bool ends_block) {
   const Eigen::Index k = mean.size();
   if (isEmpty()) {
     begin(cross.rows());
-  } else if (static_cast<double>(open_.left()) >= kShareThatLeaves * static_cast<double>(open_.begin)) {
+  } else if (ends_block && static_cast<double>(open_.left()) >= kShareThatLeaves * static_cast<double>(open_.begin)) {
     close();
     begin(rows_);
   }

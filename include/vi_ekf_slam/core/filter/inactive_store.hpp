@@ -62,10 +62,11 @@ class InactiveStore {
 
   /// The variable of the active rows [row, row + k) is made inactive: d = x_row + D x_pose + noise, with D
   /// (k x 6) for the pose's errors, `own` (k x k) the covariance of d, and `cross` (n x k) that of x with d.
-  /// To be erased from the active ones afterwards.
+  /// To be erased from the active ones afterwards. Where a new block is due it begins here, if `ends_block`:
+  /// with the active errors of now, which are the fewer where variables have just left.
   void add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index row,
            const Eigen::Ref<const Eigen::MatrixXd>& D, const Eigen::Ref<const Eigen::MatrixXd>& own,
-           const Eigen::Ref<const Eigen::MatrixXd>& cross);
+           const Eigen::Ref<const Eigen::MatrixXd>& cross, bool ends_block = true);
 
   /// All that was deferred, done. The cost is about n N^2 for N rows of inactive variables.
   void settle();
