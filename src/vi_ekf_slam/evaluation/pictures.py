@@ -42,7 +42,8 @@ def pictures_of_run(result):
     if subject.frames:
         yield ("frames", graphs.draw_frames(subject.name + ": stereo frames", subject.frames))
     if result.slam:
-        lines = graphs.drift_lines(result.dead_reckoning, [("SLAM", result.slam)])
+        judged = [("SLAM", result.slam)] + ([("smoothed", result.smoothed)] if result.smoothed else [])
+        lines = graphs.drift_lines(result.dead_reckoning, judged)
         yield ("drift", graphs.draw_drift(
             "%s: drift of the %s from a common start" % (subject.name, result.slam.body), lines))
 
@@ -56,6 +57,10 @@ def _alignments(subject, slam, dead, truth):
         aligned.append(("dead reckoning", align(subject.dead_reckoning, subject.truth), top_view.DEAD_RECKONING_STYLE))
     started.append(("SLAM", slam, top_view.SLAM_STYLE))
     aligned.append(("SLAM", align((subject.stamps, subject.poses), subject.truth), top_view.SLAM_STYLE))
+    smoothed = subject.run.smoothed if subject.run else None
+    if smoothed:
+        started.append(("smoothed", smoothed[1][:, :3, 3], top_view.SMOOTHED_STYLE))
+        aligned.append(("smoothed", align(smoothed, subject.truth), top_view.SMOOTHED_STYLE))
     return started, aligned
 
 

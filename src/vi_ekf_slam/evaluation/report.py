@@ -9,9 +9,9 @@ from vi_ekf_slam.evaluation.consistency import chi_square_bounds
 from vi_ekf_slam.evaluation.metrics import mean_kitti_errors
 from vi_ekf_slam.evaluation.run_io import FRAME_TIME
 
-Result = namedtuple("Result", "subject slam dead_reckoning consistency")
-Result.__doc__ = """subject: run_inputs.Subject. slam, dead_reckoning: against_truth.Evaluation or None.
-consistency: against_truth.Consistency or None."""
+Result = namedtuple("Result", "subject slam dead_reckoning consistency smoothed smoothed_consistency")
+Result.__doc__ = """subject: run_inputs.Subject. slam, dead_reckoning, smoothed: against_truth.Evaluation or None.
+consistency, smoothed_consistency: against_truth.Consistency or None."""
 
 DRIFT_POINTS = 21  # places along the path at which evaluation.json states the position error
 
@@ -24,6 +24,7 @@ DEFINITIONS = {
     "t_rel, r_rel": "%, deg/100 m: KITTI's errors over sub-sequences of 100 to 800 m from every 10th frame",
     "rpe": "m, deg: RMSE of inv(inv(Q_i) Q_j) inv(P_i) P_j (truth Q, estimate P) over all i; j is the next frame, "
            "the first at least %g s later, the first at least %g m of true path later" % (RPE_SECONDS, RPE_METRES),
+    "smoothed": "trajectory_smoothed.tum: the same moments as they are known at the end of the run",
     "pose_nees": "of the IMU's pose: error (p^ - p, Log(R^ R^T)) about the world's axes with covariance.csv, the truth "
                  "laid onto the first matched pose as far as the gauge is free; mean over the poses, 6 is right (3 for "
                  "position or rotation alone)",
@@ -46,7 +47,9 @@ def to_data(result):
         "duration_s": float(subject.stamps[-1] - subject.stamps[0]),
         "slam": _errors(result.slam),
         "dead_reckoning": _errors(result.dead_reckoning),
+        "smoothed": _errors(result.smoothed),
         "consistency": _consistency(result.consistency),
+        "smoothed_consistency": _consistency(result.smoothed_consistency),
         "frames": _frames(subject.frames),
         "timing": _timing(subject.frames, subject.summary),
     }
@@ -161,10 +164,12 @@ def _lookup(data, keys):
 
 
 def cell(data, row, trajectory="slam"):
-    """Text of one number of to_data, "-" where it is not known. row: of ROWS; trajectory: "slam" or "dead_reckoning"."""
+    """Text of one number of to_data, "-" where it is not known. row: of ROWS; trajectory: slam, dead_reckoning, smoothed."""
     _, _, pattern, keys = row
     if keys[0] == "both":
         value = _lookup(data, (trajectory,) + keys[1:])
+    elif trajectory == "smoothed" and keys[0] == "consistency":
+        value = _lookup(data, ("smoothed_consistency",) + keys[1:])
     else:
         value = _lookup(data, keys) if trajectory == "slam" else None
     return "-" if value is None else pattern % value
@@ -181,6 +186,8 @@ def table(runs):
         if data["dead_reckoning"] is not None and data["dead_reckoning"] not in known:
             columns.append((data, "dead_reckoning", "dead reckoning"))
         columns.append((data, "slam", "SLAM" if data["dead_reckoning"] is not None or data["frames"] else "trajectory"))
+        if data.get("smoothed") is not None:
+            columns.append((data, "smoothed", "smoothed"))
     cells = []
     for row in ROWS:
         texts = [cell(data, row, key) for data, key, _ in columns]

@@ -133,14 +133,19 @@ def _judge(path, name, bag, truth_file, options):
 
 def judge_subject(subject):
     """Result of a run_inputs.Subject whose truth is known or None."""
-    truth, slam, dead, consistency = subject.truth, None, None, None
+    truth, slam, dead, consistency, smoothed, smoothed_consistency = subject.truth, None, None, None, None, None
+    later = subject.run.smoothed if subject.run else None
     if truth is not None:
         slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu, subject.gauge)
         if subject.dead_reckoning:
             dead = evaluate(*subject.dead_reckoning, truth, subject.cam_T_imu, subject.gauge)
+        if later:
+            smoothed = evaluate(*later, truth, subject.cam_T_imu, subject.gauge)
     if subject.covariances is not None:
         consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth, subject.gauge)
-    return Result(subject, slam, dead, consistency)
+    if later and truth is not None and subject.smoothed_covariances is not None:
+        smoothed_consistency = judge_covariances(*later, subject.smoothed_covariances, truth, subject.gauge)
+    return Result(subject, slam, dead, consistency, smoothed, smoothed_consistency)
 
 
 def _remarks(results):

@@ -15,7 +15,7 @@ class Subject:
     name: for tables and pictures. source: path of the directory or file.
     stamps (N,) s, poses (N, 4, 4): world_T_imu in a world frame of its own.
     dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
-    covariances (N, 6, 6) of the poses or None; frames: columns of frames.csv or None.
+    covariances, smoothed_covariances (N, 6, 6) of the poses and of run.smoothed, or None; frames: columns of frames.csv or None.
     gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, IMU poses) in any world frame, or None.
     """
 
@@ -24,6 +24,7 @@ class Subject:
         self.stamps, self.poses = trajectory
         self.gauge = "pose"
         self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = None
+        self.smoothed_covariances = None
 
     @property
     def summary(self):
@@ -67,6 +68,8 @@ def read_subject(path, name, reference=None, body=None, gauge=None):
         subject = Subject(name, path, (run.stamps, run.poses))
         subject.run, subject.dead_reckoning = run, (run.dead_stamps, run.dead_poses)
         subject.covariances = read_covariances(os.path.join(path, "covariance.csv"), run.stamps)
+        if run.smoothed:
+            subject.smoothed_covariances = read_covariances(os.path.join(path, "covariance_smoothed.csv"), run.smoothed[0])
         subject.frames = read_frames(os.path.join(path, "frames.csv"))
     else:
         stamps = read_pose_file(path)[0]

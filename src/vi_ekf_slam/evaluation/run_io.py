@@ -22,15 +22,17 @@ class Run:
     folder: the directory.             summary: dict of summary.yaml, empty when there is none.
     stamps (N,) s, poses (N, 4, 4): world_T_imu, one per feature frame.
     dead_stamps (D,), dead_poses (D, 4, 4): the same by dead reckoning alone.
+    smoothed: (stamps, poses), the trajectory as it is known at the end, where that is another one, else None.
     landmarks (L, 3) m, landmark_covariances (L, 3, 3) m^2, both in the world frame.
     """
 
-    def __init__(self, folder, trajectory, dead_reckoning, landmarks, summary):
+    def __init__(self, folder, trajectory, dead_reckoning, landmarks, summary, smoothed=None):
         self.folder = folder
         self.stamps, self.poses = trajectory
         self.dead_stamps, self.dead_poses = dead_reckoning
         self.landmarks, self.landmark_covariances = landmarks
         self.summary = summary
+        self.smoothed = smoothed
 
     def horizontal_deviations(self):
         """Per landmark the standard deviation in m along the worst horizontal direction; nan for a bad covariance."""
@@ -49,13 +51,23 @@ def read_run(folder, dead_reckoning_folder=None):
     for directory in (folder, dead_reckoning_folder or folder):
         if not os.path.isdir(directory):
             raise InputError("%s: is not a directory, allowed: one that run_bag wrote" % directory)
+    trajectory = read_tum(os.path.join(folder, "trajectory.tum"))
     return Run(
         folder,
-        read_tum(os.path.join(folder, "trajectory.tum")),
+        trajectory,
         read_tum(os.path.join(dead_reckoning_folder or folder, "dead_reckoning.tum")),
         read_landmarks(os.path.join(folder, "landmarks.csv")),
         read_summary(os.path.join(folder, "summary.yaml")),
+        _read_smoothed(os.path.join(folder, "trajectory_smoothed.tum"), trajectory),
     )
+
+
+def _read_smoothed(path, trajectory):
+    """(stamps, poses), or None where there is no such file (runs of before) or it is the trajectory."""
+    if not os.path.exists(path):
+        return None
+    smoothed = read_tum(path)
+    return None if all(np.array_equal(a, b) for a, b in zip(smoothed, trajectory)) else smoothed
 
 
 def read_landmarks(path):

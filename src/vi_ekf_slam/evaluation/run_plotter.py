@@ -49,12 +49,14 @@ def plot_run(options):
         dead = evaluate(run.dead_stamps, run.dead_poses, truth, cam_T_imu)
         print(describe("slam", slam))
         print(describe("dead reckoning", dead))
+        if run.smoothed:
+            print(describe("smoothed", evaluate(*run.smoothed, truth, cam_T_imu)))
         title += "\n" + title_of_errors(slam, dead)
         truth_line = anchor_truth(truth, run.stamps, run.poses, gauge)[:, :3, 3]
 
     from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
     figure = top_view.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,
-                               run.horizontal_deviations())
+                               run.horizontal_deviations(), smoothed=run.smoothed and run.smoothed[1][:, :3, 3])
     for path, kind in outputs:
         with replacing(path) as stream:
             top_view.save(figure, stream, kind)

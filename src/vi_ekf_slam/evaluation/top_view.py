@@ -21,6 +21,7 @@ TRUTH_STYLE = {"color": "black", "linewidth": 2.6, "zorder": 3}
 DEAD_RECKONING_STYLE = {"color": "tab:gray", "linewidth": 1.4, "linestyle": "--", "zorder": 4}
 DEAD_RECKONING_ON_TOP = dict(DEAD_RECKONING_STYLE, zorder=5.5)  # beside runs that may be equal to it
 SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
+SMOOTHED_STYLE = {"color": "tab:blue", "linewidth": 1.4, "zorder": 6}
 
 
 def view_limits(trajectories, min_aspect=MIN_ASPECT):
@@ -45,14 +46,14 @@ def count_outside(points, limits):
     return int(np.sum(~((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max))))
 
 
-def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None):
+def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None, smoothed=None):
     """The picture of a run as a matplotlib Figure.
 
-    slam: (N, 3) positions in m; dead_reckoning, truth: the same or None. landmarks: (L, 3) m, deviations: (L,)
+    slam: (N, 3) positions in m; dead_reckoning, truth, smoothed: the same or None. landmarks: (L, 3) m, deviations: (L,)
     horizontal standard deviations in m, one colour each. covariances: (L, 3, 3) m^2 for ellipses, or None.
     """
     lines = [("truth", truth, TRUTH_STYLE), ("dead reckoning", dead_reckoning, DEAD_RECKONING_STYLE),
-             ("SLAM", slam, SLAM_STYLE)]
+             ("SLAM", slam, SLAM_STYLE), ("smoothed", smoothed, SMOOTHED_STYLE)]
     return draw_trajectories(title, [line for line in lines if line[1] is not None], landmarks, deviations, covariances)
 
 

@@ -126,6 +126,16 @@ class DenseFilter {
     }
   }
 
+  /// The pose of now, an inactive variable whose error is the pose's.
+  void clonePose(Handle handle) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(6);
+    mean.head<3>() = pose_.translation();
+    settle();
+    const Eigen::MatrixXd J = Eigen::MatrixXd::Identity(6, P_.rows());
+    augment(handle, Chart::kVector, mean, Eigen::MatrixXd::Zero(6, 6), J);
+    variables_.back().active = false;
+  }
+
   void deactivate(Handle handle, const Eigen::MatrixXd& noise) {
     settle();
     Variable& v = of(handle);

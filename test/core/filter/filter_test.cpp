@@ -43,6 +43,9 @@ class Pair {
       remove();
     } else if (dice < 0.95) {
       activate();
+    } else if (dice < 0.96) {
+      clones_.push_back(filter_.clonePose());
+      dense_.clonePose(clones_.back());
     } else if (dice < 0.97) {
       const Handle handle = anyOf(points_);
       const Eigen::MatrixXd noise = randomCovariance(random_, filter_.variables().sizeOf(handle), 1e-3);
@@ -56,7 +59,8 @@ class Pair {
       dense_.settle();
       for (const Handle handle : filter_.marginaliseOldest(1)) {
         dense_.remove(handle);
-        inactive_.erase(std::find(inactive_.begin(), inactive_.end(), handle));
+        auto& kind = std::count(clones_.begin(), clones_.end(), handle) > 0 ? clones_ : inactive_;
+        kind.erase(std::find(kind.begin(), kind.end(), handle));
       }
     }
   }
@@ -83,12 +87,23 @@ class Pair {
         ASSERT_NEAR(filter.covariance()(a, b), dense.covariance()(da, db), 1e-9 * scale);
     }
     const auto exact = filter.inactive().estimates(true);
-    ASSERT_EQ(exact.size(), inactive_.size());
+    ASSERT_EQ(exact.size(), inactive_.size() + clones_.size());
     for (const auto& estimate : exact) {
       const auto& v = dense.of(estimate.variable.handle);
       ASSERT_LE(distance(estimate.variable.mean, v.mean), 1e-9);
       const Eigen::Index k = v.mean.size();
       ASSERT_LE(distance(estimate.covariance, dense.covariance().block(v.row, v.row, k, k)), 1e-9 * scale);
+    }
+    for (const auto& estimate : exact) {
+      const Handle handle = estimate.variable.handle;
+      const auto related = filter.inactive().related(handle);
+      ASSERT_LE(distance(related.estimate.variable.mean, estimate.variable.mean), 1e-12);
+      ASSERT_LE(distance(related.estimate.covariance, estimate.covariance), 1e-12 * scale);
+      const auto& v = dense.of(handle);
+      for (const auto& [a, da] : rows) {
+        const Eigen::RowVectorXd theirs = dense.covariance().block(da, v.row, 1, v.mean.size());
+        ASSERT_LE(distance(related.cross.row(a), theirs), 1e-9 * scale);
+      }
     }
     if (inactive_.empty()) return;
     std::vector<Handle> back = inactive_;
@@ -96,6 +111,7 @@ class Pair {
     for (const Handle handle : back) dense.activate(handle);
     for (const Handle a : back) {
       for (const auto& b : dense.variables()) {
+        if (!b.active) continue;
         const Eigen::MatrixXd theirs =
             dense.covariance().block(dense.of(a).row, b.row, dense.of(a).mean.size(), b.mean.size());
         ASSERT_LE(distance(filter.covariance(a, b.handle), theirs), 1e-9 * scale);
@@ -272,7 +288,7 @@ class Pair {
   Random random_;
   Filter filter_;
   DenseFilter dense_;
-  std::vector<Handle> core_, points_, inactive_;
+  std::vector<Handle> core_, points_, inactive_, clones_;
   Handle calibration_ = 0;
 
  public:

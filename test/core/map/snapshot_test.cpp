@@ -83,7 +83,7 @@ TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
   const auto snapshot = estimator.exactMap();
   const std::vector<LandmarkEstimate> then = estimator.exactLandmarks();
   for (int i = 0; i < 40; ++i) road.feed(estimator);
-  const std::vector<LandmarkEstimate> later = snapshot();
+  const std::vector<LandmarkEstimate> later = snapshot().landmarks;
   ASSERT_EQ(later.size(), then.size());
   for (std::size_t i = 0; i < then.size(); ++i) {
     EXPECT_EQ(later[i].id, then[i].id);
@@ -96,7 +96,7 @@ TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
 TEST(Snapshot, OfTheLandmarksIsExact) {
   Road road(9, 40, kTypical);
   const InvariantEstimator estimator = driven(road, 60);
-  const std::vector<LandmarkEstimate> exact = estimator.exactMap()(), last_settled = estimator.landmarks();
+  const std::vector<LandmarkEstimate> exact = estimator.exactLandmarks(), last_settled = estimator.landmarks();
   ASSERT_EQ(exact.size(), last_settled.size());
   double gained = 0.0;
   for (std::size_t i = 0; i < exact.size(); ++i) {

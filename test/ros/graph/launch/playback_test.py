@@ -14,7 +14,8 @@ from tf2_msgs.msg import TFMessage
 import drive_data
 from launch_runner import LIMIT, PACKAGE, LaunchRunner
 
-SAME_FILES = ("trajectory.tum", "dead_reckoning.tum", "covariance.csv", "landmarks.csv")
+SAME_FILES = ("trajectory.tum", "trajectory_smoothed.tum", "dead_reckoning.tum", "covariance.csv",
+              "covariance_smoothed.csv", "landmarks.csv")
 
 
 def _read(*path):

@@ -45,8 +45,8 @@ class Ending(NodeRunner):
         self.assertEqual(0, node.wait(20))
         self.assertEqual(31, self.poses())
         names = sorted(os.listdir(self.output))
-        self.assertEqual(["covariance.csv", "dead_reckoning.tum", "frames.csv", "landmarks.csv", "summary.yaml",
-                          "trajectory.tum"], names)
+        self.assertEqual(["covariance.csv", "covariance_smoothed.csv", "dead_reckoning.tum", "frames.csv", "landmarks.csv",
+                          "summary.yaml", "trajectory.tum", "trajectory_smoothed.tum"], names)
 
     def test_sigint(self):
         """Control-C, roslaunch."""

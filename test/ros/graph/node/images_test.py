@@ -19,7 +19,8 @@ from waiting import wait_for
 
 from vi_ekf_slam.msg import StereoFeatureArray
 
-SAME_FILES = ("trajectory.tum", "dead_reckoning.tum", "covariance.csv", "landmarks.csv")
+SAME_FILES = ("trajectory.tum", "trajectory_smoothed.tum", "dead_reckoning.tum", "covariance.csv",
+              "covariance_smoothed.csv", "landmarks.csv")
 DURATION = 2.0  # s
 FRAMES = 21
 NODE = "front_end"
