@@ -56,12 +56,13 @@ if [ -n "$images" ]; then
   fi
 elif [ -z "$dataset" ]; then
   dataset="$output/$name.npz"
-  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation/simulator.py")"
+  key="$(content "$build/devel/lib/vi_ekf_slam/simulate_drive" "$root/src/vi_ekf_slam/simulation/simulator.py" "$root/scripts/demo.sh")"
   if is_current "$dataset" "$key"; then
     say "using $dataset again"
   else
     say "simulating a drive"
-    "$python" "$root/scripts/simulate_dataset.py" "$dataset"
+    # What is passed again is recognised by its ids, so that the second lap closes the loop.
+    "$python" "$root/scripts/simulate_dataset.py" "$dataset" --ids-return true --strength-spread 3
     printf '%s' "$key" >"$dataset.key"
   fi
 fi

@@ -82,6 +82,36 @@ void countPlace(const FrameReport& report, SeedResult& result) {
   if (result.frames[now].position > before + kFartherOff) ++result.wrong_places;
 }
 
+namespace {
+
+/// A frame with an estimate, for when the path is known.
+struct Passed {
+  Stamp stamp;
+  SE3 truth, estimate;
+};
+
+void judgePath(const PathEstimate& path, const std::vector<Passed>& frames, SeedResult& result) {
+  std::size_t nodes = 0, next = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const Passed& frame = frames[i];
+    const SE3 now = path.at(frame.stamp, frame.estimate, Matrix6d::Zero()).world_T_imu;
+    result.frames[i].smoothed = (now.translation() - frame.truth.translation()).norm();
+    while (next < path.nodes.size() && path.nodes[next].stamp < frame.stamp) ++next;
+    if (next == path.nodes.size() || path.nodes[next].stamp != frame.stamp) continue;
+    StateEstimate node;
+    node.world_T_imu = path.nodes[next].now;
+    node.pose_covariance = path.nodes[next].covariance;
+    if (frame.stamp == frames.front().stamp) continue; // where the world begins nothing is unknown
+    const double nees = poseNees(frame.truth, node).pose;
+    result.node_nees += nees;
+    result.largest_node_nees = std::max(result.largest_node_nees, nees);
+    ++nodes;
+  }
+  if (nodes > 0) result.node_nees /= static_cast<double>(nodes);
+}
+
+} // namespace
+
 SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study) {
   if (options.hasRawImu()) return runInertialSeed(config, options, study);
   DriveSimulator simulator(options);
@@ -94,6 +124,7 @@ SeedResult runSeed(const Config& config, const DriveOptions& options, const Iner
   SeedResult result;
   result.seed = options.seed;
   std::optional<Stamp> start;
+  std::vector<Passed> passed;
   while (std::optional<DriveStep> step = simulator.next()) {
     stale.repair(*step);
     if (!start) start = step->stamp;
@@ -116,10 +147,12 @@ SeedResult runSeed(const Config& config, const DriveOptions& options, const Iner
         result.frames.push_back(frameErrors(secondsBetween(*start, step->stamp), step->world_T_imu, state,
                                             dead_reckoning.pose(), report));
         countPlace(report, result);
+        passed.push_back({step->stamp, step->world_T_imu, state.world_T_imu});
       }
     }
   }
   result.yaw_fall = yaw.largestFall();
+  judgePath(estimator->exactMap()().path, passed, result);
   return result;
 }
 

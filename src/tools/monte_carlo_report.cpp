@@ -80,13 +80,15 @@ std::size_t revisitedIn(const SeedResult& result) {
 std::string seedsCsv(const std::vector<SeedResult>& results) {
   std::string text =
       "seed,frames,nis_per_dof,yaw_variance_fall,position_rmse,dead_reckoning_rmse,final_position_error,"
-      "features,features_used,frames_rejected,places,wrong_places,revisited\n";
+      "features,features_used,frames_rejected,places,wrong_places,revisited,smoothed_rmse,node_nees,"
+      "largest_node_nees\n";
   for (const SeedResult& r : results) {
-    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu,%zu,%zu,%zu\n",
+    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu,%zu,%zu,%zu,%.6g,%.6g,%.6g\n",
                    static_cast<unsigned long long>(r.seed), r.frames.size(), nisPerDof(r), r.yaw_fall,
                    rmse(r, &FrameErrors::position), rmse(r, &FrameErrors::dead_reckoning),
                    r.frames.empty() ? InertialOutcome::kNever : r.frames.back().position, r.features,
-                   r.features_used, r.frames_rejected, r.places, r.wrong_places, revisitedIn(r));
+                   r.features_used, r.frames_rejected, r.places, r.wrong_places, revisitedIn(r),
+                   rmse(r, &FrameErrors::smoothed), r.node_nees, r.largest_node_nees);
   }
   return text;
 }
@@ -280,7 +282,18 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
   text += format("places recognised            on %zu drives, %zu in all, %zu of them wrong\n", with_places,
                  places, wrong);
   text += format("landmarks found again        %.1f a drive\n", static_cast<double>(revisited) / n);
-  if (isInertial(results)) text += startsSummary(results);
+  if (isInertial(results)) {
+    text += startsSummary(results);
+  } else {
+    double nees = 0.0, largest = 0.0;
+    for (const SeedResult& result : results) {
+      nees += result.node_nees / n;
+      largest = std::max(largest, result.largest_node_nees);
+    }
+    text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
+                   frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }), nees,
+                   largest);
+  }
   return isDisturbed(results) ? text + rigSummary(results) : text;
 }
 

@@ -18,6 +18,7 @@ struct FrameErrors {
   double time = 0.0; ///< s since the first frame with an estimate
   PoseNees nees;
   double position = 0.0;       ///< m, distance between estimate and truth, without any alignment
+  double smoothed = 0.0;       ///< m, the same as it is known at the end of the drive
   double dead_reckoning = 0.0; ///< m, the same for dead reckoning
   double yaw_sigma = 0.0;      ///< rad, published standard deviation of the global yaw
   double nis = 0.0;
@@ -39,6 +40,8 @@ struct SeedResult {
   /// than it was, by more than a metre.
   std::size_t places = 0, wrong_places = 0;
   std::size_t features = 0, features_used = 0;
+  /// Of the smoothed path's nodes: NEES of the pose, mean and largest.
+  double node_nees = 0.0, largest_node_nees = 0.0;
   std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
 
