@@ -14,7 +14,8 @@ import rospy
 
 from vi_ekf_slam.common.exit_status import EXIT_REFUSED
 
-TOPICS = ("/tf", "/tf_static", "odometry", "dead_reckoning/odometry", "pose", "/ground_truth/pose", "/diagnostics")
+TOPICS = ("/tf", "/tf_static", "odometry", "dead_reckoning/odometry", "pose", "loop_closures", "/ground_truth/pose",
+          "/diagnostics")
 # Each message holds all of the path or of the map so far. They are written so often only that the bag grows steadily.
 THINNED = ("path", "dead_reckoning/path", "/ground_truth/path", "landmarks", "landmark_cloud")
 THINNED_PERIOD_S = 0.9  # at least; less than the second between two maps
