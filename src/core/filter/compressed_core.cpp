@@ -9,30 +9,35 @@ void CompressedCore::open(const Eigen::Vector3d& position, const Eigen::Ref<cons
   open_ = true;
   position_ = position;
   covariance_ = P;
-  Phi_.setIdentity(size_, size_);
-  Omega_.setZero(size_, size_);
+  Phi_t_.setIdentity(padded_, size_);
+  Omega_.setZero(padded_, size_);
   psi_.setZero(size_);
 }
 
 void CompressedCore::correct(const LinearMeasurement& z, const SmallMatrix& L_inverse,
                              const SmallVector& white, const Eigen::MatrixXd& A) {
-  Eigen::MatrixXd HPhi_t = Eigen::MatrixXd::Zero(size_, z.rows());
-  for (const LinearMeasurement::Term& term : z) {
-    const auto rows = Phi_.middleRows(term.column, term.H.cols());
-    HPhi_t.noalias() += rows.transpose().lazyProduct(term.H.transpose());
-  }
+  Eigen::MatrixXd HPhi_t = Eigen::MatrixXd::Zero(padded_, z.rows());
+  for (const LinearMeasurement::Term& term : z)
+    HPhi_t.noalias() += Phi_t_.middleCols(term.column, term.H.cols()).lazyProduct(term.H.transpose());
   const Eigen::MatrixXd B = HPhi_t.lazyProduct(L_inverse.transpose());
-  Omega_.noalias() += B.lazyProduct(B.transpose());
-  psi_.noalias() += B.lazyProduct(white);
-  Phi_.noalias() -= A.lazyProduct(B.transpose());
+  const auto core = B.topRows(size_);
+  psi_.noalias() += core.lazyProduct(white);
+  if (z.rows() == 3) { // a sample's
+    const auto B3 = B.leftCols<3>();
+    Omega_.noalias() += B3.lazyProduct(core.leftCols<3>().transpose());
+    Phi_t_.noalias() -= B3.lazyProduct(A.leftCols<3>().transpose());
+  } else {
+    Omega_.noalias() += B.lazyProduct(core.transpose());
+    Phi_t_.noalias() -= B.lazyProduct(A.transpose());
+  }
 }
 
 /// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of
 /// zeros.
 Eigen::MatrixXd CompressedCore::Gamma() const {
   constexpr double kRounding = 1e-15;
-  Eigen::MatrixXd left = Omega_, Gamma(size_, size_);
-  const Eigen::VectorXd least = kRounding * Omega_.diagonal();
+  Eigen::MatrixXd left = Omega_.topRows(size_), Gamma(size_, size_);
+  const Eigen::VectorXd least = kRounding * left.diagonal();
   Eigen::Index rank = 0;
   for (; rank < size_; ++rank) {
     Eigen::Index pivot = 0;

@@ -13,7 +13,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr Eigen::Index kRoom = 300; // rows to begin with
+constexpr Eigen::Index kRoom = 304; // rows to begin with; of eights, for vector instructions
 constexpr double kLargeTurn = 0.02; // rad, whose half square is 2 cm in 100 m: what first order misses
 
 /// (dp, theta) once the body is elsewhere and the error, as of the group, is the same: dp' = dp - [moved]x
@@ -79,10 +79,10 @@ void Filter::propagate(const CoreStep& step) {
   const Eigen::Index k = step.F.rows(), w = step.F.cols(), q = step.Q.rows();
   auto Pc = covariance_.topLeftCorner(core_rows_, core_rows_);
   core_.open(pose().translation(), Pc);
-  const Eigen::MatrixXd FP = step.F.lazyProduct(Pc.middleRows(step.row, w));
-  const Eigen::MatrixXd FPF = FP.middleCols(step.row, w).lazyProduct(step.F.transpose());
-  Pc.middleRows(step.row, k) = FP;
-  Pc.middleCols(step.row, k) = FP.transpose();
+  const Eigen::MatrixXd PF = Pc.middleCols(step.row, w).lazyProduct(step.F.transpose());
+  const Eigen::MatrixXd FPF = step.F.lazyProduct(PF.middleRows(step.row, w));
+  Pc.middleCols(step.row, k) = PF;
+  Pc.middleRows(step.row, k) = PF.transpose();
   Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
   Pc.block(step.row, step.row, q, q) += step.Q;
   core_.transform(step.row, step.F);
@@ -116,7 +116,7 @@ void Filter::endPeriod(const Eigen::MatrixXd& G, Handle by) {
   M.topRightCorner<3, 3>() = so3::hat(moved);
   const Eigen::MatrixXd X0 = poseInfluence(core_.position()).bottomRows(r);
   // P_rc and P_c0 are as of the beginning, P_cc is of now.
-  const Eigen::MatrixXd& Phi = core_.Phi();
+  const Eigen::MatrixXd Phi = core_.Phi();
   const Eigen::MatrixXd& P_c0 = core_.covariance();
   const auto P_cc = covariance_.topLeftCorner(c, c);
   auto P_rc = covariance_.block(c, 0, r, c);
@@ -170,7 +170,8 @@ void Filter::addNoise(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>&
 void Filter::reserve(Eigen::Index rows) {
   if (rows <= covariance_.rows()) return;
   const Eigen::Index used = this->rows();
-  Eigen::MatrixXd larger(2 * rows, 2 * rows);
+  const Eigen::Index room = (2 * rows + 7) / 8 * 8;
+  Eigen::MatrixXd larger(room, room);
   larger.topLeftCorner(used, used) = P();
   covariance_.swap(larger);
 }

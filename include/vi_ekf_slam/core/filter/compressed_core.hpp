@@ -13,10 +13,11 @@ namespace vi_ekf_slam {
 ///   P_rc' = P_r0 Phi^T,   P_rr' = P_rr - P_r0 Omega P_0r,   r^' = r^ + P_r0 psi.
 ///
 /// So a sample of an IMU costs what c costs, however many landmarks there are (the same algebra as
-/// InactiveStore's).
+/// InactiveStore's). Phi is kept transposed, and columns are padded with zeros, so that each step works on
+/// whole vectors of the processor.
 class CompressedCore {
  public:
-  explicit CompressedCore(Eigen::Index size) : size_(size) {}
+  explicit CompressedCore(Eigen::Index size) : size_(size), padded_((size + kPad - 1) / kPad * kPad) {}
 
   bool isOpen() const { return open_; }
   /// Begins a period, if none is under way, with the body at `position` (world, m) and the core's covariance
@@ -26,14 +27,14 @@ class CompressedCore {
 
   /// The core's errors move: the rows from `row` on become F (k x w) times the rows [row, row + w).
   void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
-    Phi_.middleRows(row, F.rows()) = F.lazyProduct(Phi_.middleRows(row, F.cols())).eval();
+    Phi_t_.middleCols(row, F.rows()) = Phi_t_.middleCols(row, F.cols()).lazyProduct(F.transpose()).eval();
   }
   /// They are corrected by a measurement with S = L L^T: L^-1, L^-1 residual, and A = P H^T L^-T (c x r).
   void correct(const LinearMeasurement& z, const SmallMatrix& L_inverse, const SmallVector& white,
                const Eigen::MatrixXd& A);
 
-  const Eigen::MatrixXd& Phi() const { return Phi_; }
-  Eigen::MatrixXd& Phi() { return Phi_; }
+  auto Phi() const { return Phi_t_.topRows(size_).transpose(); }
+  auto Phi() { return Phi_t_.topRows(size_).transpose(); }
   /// Gamma with Omega = Gamma Gamma^T, c x rank.
   Eigen::MatrixXd Gamma() const;
   const Eigen::VectorXd& psi() const { return psi_; }
@@ -42,9 +43,11 @@ class CompressedCore {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
 
  private:
-  Eigen::Index size_;
+  static constexpr Eigen::Index kPad = 8; ///< numbers of the widest vectors
+
+  Eigen::Index size_, padded_;
   bool open_ = false;
-  Eigen::MatrixXd Phi_, Omega_, covariance_;
+  Eigen::MatrixXd Phi_t_, Omega_, covariance_; ///< of the first two padded_ rows
   Eigen::VectorXd psi_;
   Eigen::Vector3d position_ = Eigen::Vector3d::Zero();
 };
