@@ -86,6 +86,30 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
+/// Whether a correction moves the points in view with the body (the tilt of the way so far, where a body is that
+/// was blind) rather than the body alone (in a known map): how far either moves them, as angles, is what the chart
+/// of one camera must take to first order. Without gravity no frame tells the way so far anything.
+bool Variables::goWithBody(const Eigen::VectorXd& error, Eigen::Index rows,
+                           const Eigen::Vector3d& seen_turn) const {
+  double in_body = 0.0, in_world = 0.0;
+  std::size_t points = 0;
+  bool is_level = false;
+  for (const Handle handle : order_) {
+    const Slot& slot = slots_[handle];
+    if (slot.row >= rows) break;
+    is_level = is_level || slot.chart == Chart::kWorldVector;
+    if (slot.chart != Chart::kPoint) continue;
+    const Eigen::Vector3d way = mean_.segment<3>(slot.row) - pose_.translation();
+    const Eigen::Vector3d y = error.segment<3>(slot.row) + seen_turn.cross(way);
+    const Eigen::Vector3d d = y + error.segment<3>(3).cross(way) + error.head<3>();
+    const double distance2 = way.squaredNorm();
+    in_body += way.cross(y).squaredNorm() / (distance2 * distance2);
+    in_world += way.cross(d).squaredNorm() / (distance2 * distance2);
+    ++points;
+  }
+  return is_level && in_world > kLeastTurn * kLeastTurn * static_cast<double>(points) && in_body < in_world;
+}
+
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
 /// of the world, where only its tilt was not known. A chart of one camera takes the rest alone, since the
 /// circles that a turn moves them on are straight in none.
@@ -116,7 +140,9 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& er
                                                        const PointChart& chart) {
   std::vector<Reexpressed> reexpressed;
   const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
-  const Eigen::Vector3d common = chart ? commonTurn(error, rows, chart.seen_turn) : Eigen::Vector3d::Zero();
+  const bool with_body = chart && goWithBody(error, rows, chart.seen_turn);
+  const Eigen::Vector3d common =
+      chart && !with_body ? commonTurn(error, rows, chart.seen_turn) : Eigen::Vector3d::Zero();
   const bool turns = !common.isZero(0.0);
   const Eigen::Matrix3d U = so3::Exp(common);
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
@@ -134,13 +160,17 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& er
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
     const Eigen::Vector3d shift = error.head<3>();
-    Eigen::Vector3d turned = way, d = e + (error.segment<3>(3) - common).cross(way) + shift;
-    if (turns) {
-      turned = U * way;
+    const Eigen::Matrix3d& V = with_body ? turn : U; // by which the point moves beforehand, exactly
+    Eigen::Vector3d turned = way - shift, d = e + (error.segment<3>(3) - common).cross(way) + shift;
+    if (with_body) {
+      turned = turn * way;
+      d = turn * e;
+    } else if (turns) {
+      turned = U * way - shift;
       d = (U * d).eval();
     }
-    std::optional<MovedPoint> moved = chart ? chart.move(turn, turned - shift, d) : std::nullopt;
-    if (moved && turns) moved->M = (moved->M * U).eval();
+    std::optional<MovedPoint> moved = chart ? chart.move(turn, turned, d) : std::nullopt;
+    if (moved && (turns || with_body)) moved->M = (moved->M * V).eval();
     x = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
     if (moved)
       reexpressed.push_back({slot.row, moved->M, std::move(moved->N)});

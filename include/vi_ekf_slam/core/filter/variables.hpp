@@ -119,6 +119,7 @@ class Variables {
 
   Eigen::Vector3d commonTurn(const Eigen::VectorXd& error, Eigen::Index rows,
                              const Eigen::Vector3d& seen_turn) const;
+  bool goWithBody(const Eigen::VectorXd& error, Eigen::Index rows, const Eigen::Vector3d& seen_turn) const;
 
   SE3 pose_;
   Eigen::VectorXd mean_; ///< row by row like the errors, with room for more; the pose's rows are not used
