@@ -7,6 +7,7 @@ from vi_ekf_slam.rviz.config import displays_of
 MARGIN, LINE, BAR = 8, 26, 90  # px: between entries, length of a line's sample, length of the colours' bar
 # As src/ros/output/map_messages.cpp colours landmarks: m at the ends; the scale is logarithmic.
 SIGMA_GREEN, SIGMA_RED = 0.1, 10.0
+LOOPS = (255, 0, 255)  # as the same file colours the lines between their ends
 BACKGROUND, TEXT = (20, 20, 25), (235, 235, 235)
 
 
@@ -44,7 +45,9 @@ def add_legend(picture, config, size_px=13):
             share = k / (BAR - 1)
             draw.line([(x + k, middle - 5), (x + k, middle + 5)],
                       fill=(round(255 * share), round(255 * (1.0 - share)), 0))
-        write("%g m" % SIGMA_RED, x + BAR + MARGIN // 2)
+        x = write("%g m" % SIGMA_RED, x + BAR + MARGIN // 2) + 2 * MARGIN
+        draw.line([(x, middle), (x + LINE, middle)], fill=LOOPS, width=3)
+        write("Closed loops", x + LINE + MARGIN // 2)
     return result
 
 
