@@ -136,6 +136,27 @@ TEST(VariablesTest, MoveByTheirErrorsAsTheseAreDefinedAndNoFurtherThanTold) {
   EXPECT_LT(distance(state(some).x.head(core), after.x.head(core)), 1e-12);
 }
 
+/// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and no
+/// picture is another one. A chart that is not straight must not bend the points then.
+TEST(VariablesTest, PointsMoveRigidlyWithABodyThatIsMovedWithThem) {
+  Random random(4);
+  Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
+  variables.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
+  std::vector<Handle> points;
+  for (int i = 0; i < 12; ++i)
+    points.push_back(variables.add(Chart::kPoint, variables.pose().translation() + random.vector<3>(-20.0, 20.0)));
+  const Variables before = variables;
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(variables.rows());
+  error.head<6>() << 5.0, -2.0, 1.0, 0.1, -0.05, 0.02;
+  const PointChart bent = [](const Eigen::Matrix3d&, const Eigen::Vector3d& way, const Eigen::Vector3d& d) {
+    return std::optional<MovedPoint>(MovedPoint{way + d + 0.2 * d.norm() * d, Eigen::Matrix3d::Identity(), {}});
+  };
+  variables.retract(error, variables.rows(), bent);
+  const SE3 moved = variables.pose() * before.pose().inverse();
+  for (const Handle point : points)
+    EXPECT_LT(distance(variables.point(point), moved * before.point(point)), 1e-12);
+}
+
 TEST(VariablesTest, MoveWithAWorldThatIsGivenAnotherFrame) {
   Random random(2);
   Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
