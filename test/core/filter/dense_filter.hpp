@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
@@ -60,6 +61,7 @@ class DenseFilter {
     const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
     const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
     Eigen::MatrixXd F = identity();
+    const bool with_body = chart && !core && goWithBody(error);
     for (Variable& v : variables_) {
       const Eigen::VectorXd e = error.segment(v.row, v.mean.size());
       if (v.chart == Chart::kPose) continue;
@@ -69,9 +71,12 @@ class DenseFilter {
       } else if (v.chart == Chart::kPoint && v.active && !core) {
         const Eigen::Vector3d way = v.mean - before;
         const Eigen::Vector3d shift = error.head<3>(), d = e + so3::hat(error.segment<3>(3)) * way + shift;
-        const auto moved = chart ? chart.move(turn, way - shift, d) : std::nullopt;
+        const auto moved = !chart     ? std::nullopt
+                           : with_body ? chart.move(turn, turn * way, turn * e)
+                                       : chart.move(turn, way - shift, d);
         v.mean = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
-        F.block<3, 3>(v.row, v.row) = moved ? moved->M : turn;
+        F.block<3, 3>(v.row, v.row) = turn;
+        if (moved) F.block<3, 3>(v.row, v.row) = with_body ? Eigen::Matrix3d(moved->M * turn) : moved->M;
       } else {
         v.mean += e;
       }
@@ -169,6 +174,21 @@ class DenseFilter {
   }
 
  private:
+  /// Whether a correction moves the points less about the body than in the world, and by more than 0.01 rad: the
+  /// RMS of the angles.
+  bool goWithBody(const Eigen::VectorXd& error) const {
+    double in_body = 0.0, in_world = 0.0, points = 0.0;
+    for (const Variable& v : variables_) {
+      if (v.chart != Chart::kPoint || !v.active) continue;
+      const Eigen::Vector3d way = v.mean - pose_.translation(), y = error.segment<3>(v.row);
+      const Eigen::Vector3d d = y + error.segment<3>(3).cross(way) + error.head<3>();
+      in_body += way.cross(y).squaredNorm() / std::pow(way.norm(), 4);
+      in_world += way.cross(d).squaredNorm() / std::pow(way.norm(), 4);
+      points += 1.0;
+    }
+    return in_world > 1e-4 * points && in_body < in_world;
+  }
+
   Eigen::MatrixXd identity() const { return Eigen::MatrixXd::Identity(P_.rows(), P_.rows()); }
 
   /// error += sign byPose(point) (dp, theta)

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "../numeric.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/simulation/random.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
@@ -82,7 +82,7 @@ class StraightDrive {
   }
 
   int steps_;
-  simulation::Random random_{3};
+  Random random_{3};
   Filter filter_;
   PoseClones clones_;
   Handle point_ = 0;
