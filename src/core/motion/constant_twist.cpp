@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
 
+#include <utility>
+
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
@@ -15,6 +17,17 @@ void ConstantTwist::addTo(Filter& filter) {
 void ConstantTwist::setBiasPrior(Filter& filter, const TwistBias& bias) {
   prior_bias_ = bias.mean;
   options_.prior_bias_sigma = bias.sigma;
+  resetBiases(filter);
+}
+
+void ConstantTwist::setOpticalBody(Filter& filter) {
+  if (std::exchange(is_optical_, true)) return;
+  for (Vector6d* of_vehicle : {&options_.twist_density, &options_.bias_density, &options_.prior_twist_sigma,
+                               &options_.prior_bias_sigma}) {
+    const Vector6d v = *of_vehicle;
+    *of_vehicle << v[1], v[2], v[0], v[4], v[5], v[3];
+  }
+  filter.reset(twist_, options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
   resetBiases(filter);
 }
 

@@ -15,6 +15,7 @@ namespace {
 constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
+constexpr double kSameAxes = 0.5;     // rad: nearer than any other way to mount it
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
@@ -68,7 +69,9 @@ void InvariantEstimator::moveOriginHere() {
   if (last_frame_) last_frame_->position = filter_.pose().translation();
 }
 
+/// A camera alone is the body itself, and some IMUs have their camera's axes.
 void InvariantEstimator::setRig(const StereoRig& rig) {
+  if (!stamp_ && so3::Log(rig.cam_T_imu.rotation()).norm() < kSameAxes) motion_->setOpticalBody(filter_);
   model_.emplace(rig, config_.stereo, RigVariables(filter_.variables()));
 }
 

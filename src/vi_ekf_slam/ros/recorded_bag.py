@@ -10,7 +10,7 @@ INPUTS = MEASUREMENTS + ("twist_bias", "left/camera_info", "right/camera_info")
 # What the node itself sends, and what belongs to the recording session, as where somebody told it to be.
 IMAGES = ("left/image", "right/image")
 NOT_PLAYED = ("odometry", "dead_reckoning/odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud",
-              "initialpose", "front_end/image", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
+              "loop_closures", "initialpose", "front_end/image", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
 TRANSFORMS, STATIC_TRANSFORMS = "/tf", "/tf_static"
 LAST_S = 5.0  # s before the end, within which the last message of each measurement is looked for
 

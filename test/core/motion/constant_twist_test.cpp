@@ -175,6 +175,26 @@ TEST(ConstantTwistModel, TakesWhatIsKnownOfTheBiasesAsTheirPriorFromThenOn) {
   }
 }
 
+/// A vehicle's densities and priors, seen along a camera's axes: z is what was x, x was y, y was z.
+TEST(ConstantTwistModel, TurnsItsOptionsOnceForABodyWithACamerasAxes) {
+  ConstantTwist::Options options;
+  options.prior_twist_sigma << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;
+  options.prior_bias_sigma << 0.1, 0.2, 0.3, 0.4, 0.5, 0.6;
+  options.twist_density << 10.0, 20.0, 30.0, 40.0, 50.0, 60.0;
+  Filter filter(SE3(), Matrix6d::Identity());
+  ConstantTwist motion(options);
+  motion.addTo(filter);
+  filter.closeCore();
+  motion.setOpticalBody(filter);
+  motion.setOpticalBody(filter);
+  const Vector6d expected = (Vector6d() << 2.0, 3.0, 1.0, 5.0, 6.0, 4.0).finished();
+  EXPECT_EQ(Vector6d(motion.twistCovariance(filter).diagonal().cwiseSqrt()), expected);
+  EXPECT_LT(distance(filter.covariance(motion.biasVariable()).diagonal().cwiseSqrt(), 0.1 * expected), 1e-12);
+  motion.propagate(filter, 1.0);
+  const Vector6d grown = motion.twistCovariance(filter).diagonal() - Vector6d(expected.cwiseAbs2());
+  EXPECT_LT(distance(grown, 100.0 * expected.cwiseAbs2()), 1e-9);
+}
+
 TEST(ConstantTwistModel, ChangeOfTheTwistIsInUnitsOfItsCovariance) {
   Random random(13);
   const Scene scene = busyScene(random);

@@ -12,7 +12,8 @@ namespace vi_ekf_slam {
 /// cameras alone.
 class ConstantTwist : public MotionModel {
  public:
-  /// Root spectral densities are per axis, and (velocity, angular velocity); sigmas standard deviations.
+  /// Root spectral densities are per axis (x ahead, y left, z up), and (velocity, angular velocity); sigmas
+  /// standard deviations.
   struct Options {
     /// m/s^1.5 and rad/s^1.5: how hard the body can accelerate. A car's, with room for the rare bump: between
     /// the RMS (0.1 to 0.3, 0.03 to 0.07, 0.04 to 0.14; 0.03 to 0.07, 0.03 to 0.1, 0.01 to 0.03) and the 99 %
@@ -35,6 +36,7 @@ class ConstantTwist : public MotionModel {
   void addTo(Filter& filter) override;
   std::vector<std::string> variables() const override { return {kTwist, kBias}; }
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
+  void setOpticalBody(Filter& filter) override;
   void propagate(Filter& filter, double dt) const;
   void propagate(Filter& filter, const ImuTrack& /*imu*/, Stamp from, Stamp to) const override {
     propagate(filter, secondsBetween(from, to));
@@ -73,6 +75,7 @@ class ConstantTwist : public MotionModel {
   Options options_;
   Vector6d prior_bias_ = Vector6d::Zero();
   Handle twist_ = 0, bias_ = 0;
+  bool is_optical_ = false;
 };
 
 } // namespace vi_ekf_slam

@@ -19,7 +19,7 @@ from launch_runner import PACKAGE, LaunchRunner
 from waiting import wait_for
 
 OUTPUTS = ("odometry", "dead_reckoning_odometry", "pose", "path", "dead_reckoning_path", "landmarks", "landmark_cloud",
-           "diagnostics")
+           "loop_closures", "diagnostics")
 INPUTS = ("imu", "velocity", "wheel_odometry", "twist_bias", "features", "left_info", "right_info", "initialpose", "tf",
           "tf_static")
 
