@@ -163,7 +163,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   last_frame_ = LastFrame{frame.stamp, filter_.pose().translation()};
   report.divergence = std::exchange(divergence_, Divergence::kNone);
   report.landmarks = map_.active().size();
-  report.inactive = filter_.inactive().size();
+  report.inactive = map_.inactiveCount();
   return report;
 }
 
