@@ -14,6 +14,7 @@ namespace {
 // A block ends when as many rows have left as half of those that it began with: with fewer there would be
 // many blocks to settle, with more each update would have much to take along.
 constexpr double kShareThatLeaves = 0.5;
+constexpr double kMostThatLeave = 2.0; // of them, where a better moment to end it does not come
 
 void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
   if (rows <= matrix.rows() && cols <= matrix.cols()) return;
@@ -125,7 +126,8 @@ void InactiveStore::add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index
   const Eigen::Index k = mean.size();
   if (isEmpty()) {
     begin(cross.rows());
-  } else if (ends_block && static_cast<double>(open_.left()) >= kShareThatLeaves * static_cast<double>(open_.begin)) {
+  } else if (static_cast<double>(open_.left()) >=
+             (ends_block ? kShareThatLeaves : kMostThatLeave) * static_cast<double>(open_.begin)) {
     close();
     begin(rows_);
   }
