@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/observation/track_slip.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
@@ -29,6 +30,11 @@ void TrackSlip::propagate(Filter& filter, double distance_m) const {
   step.Q = ((1.0 - kept * kept) * variances()).asDiagonal();
   step.means.emplace_back(*variable_, kept * filter.variables().mean(*variable_));
   filter.propagate(step);
+}
+
+bool TrackSlip::isPossible(const StereoFrame& frame) {
+  return std::none_of(frame.features.begin(), frame.features.end(),
+                      [](const StereoFeatureObservation& feature) { return feature.sigma > 0.0; });
 }
 
 void TrackSlip::apply(Filter& filter, const LandmarkMap& map, const Eigen::Vector3d& displacement) const {

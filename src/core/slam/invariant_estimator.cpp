@@ -15,7 +15,7 @@ namespace {
 constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
-constexpr double kSameAxes = 0.5;     // rad: nearer than any other way to mount it
+constexpr double kSameAxes = 0.5;        // rad: nearer than any other way to mount it
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
@@ -149,8 +149,10 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
     motion_->processStandstill(filter_, imu_, frame.stamp, secondsBetween(last_frame_->stamp, frame.stamp));
   Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
   if (last_frame_) displacement = filter_.pose().translation() - last_frame_->position;
-  slip_.propagate(filter_, displacement.norm());
-  slip_.apply(filter_, map_, displacement);
+  if (TrackSlip::isPossible(frame)) {
+    slip_.propagate(filter_, displacement.norm());
+    slip_.apply(filter_, map_, displacement);
+  }
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
 
@@ -14,7 +15,8 @@ namespace vi_ekf_slam {
 ///
 ///   u s_p + |u| (R s_r) x (x - p),
 ///
-/// which no measurement of the tracks can tell from a motion of the body.
+/// which no measurement of the tracks can tell from a motion of the body. Tracks of a front end that states
+/// their sigma are taken at its word: ours does not lag (docs/front_end.md).
 class TrackSlip {
  public:
   /// Standard deviations; both 0: tracks do not slip.
@@ -32,6 +34,8 @@ class TrackSlip {
   void addTo(Filter& filter);
   /// The body has moved by `distance_m` since the last frame: in the core. Before the filter is settled.
   void propagate(Filter& filter, double distance_m) const;
+  /// Whether the tracks of a frame may slip at all.
+  static bool isPossible(const StereoFrame& frame);
   /// The landmarks that are in view have slipped over its displacement, world, m.
   void apply(Filter& filter, const LandmarkMap& map, const Eigen::Vector3d& displacement) const;
 
