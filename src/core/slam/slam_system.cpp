@@ -14,7 +14,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kMotionWait = 1.0; // s of sensor time for a first message of the IMU
+constexpr double kMotionWait = 1.0; // s of sensor time for the first messages of the IMU
 
 enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
 
@@ -87,6 +87,22 @@ void SlamSystem::choose(MotionChoice motion, const std::string& reason) {
   if (handlers_.start) handlers_.start("motion: " + motion_text_);
 }
 
+void SlamSystem::chooseBy(const ImuSample& sample) {
+  if (!sample.acceleration)
+    return choose(MotionChoice::kConstantTwist,
+                  "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
+  if (const std::optional<bool> is_fast = imu_rate_.suffices(sample.stamp))
+    *is_fast ? choose(MotionChoice::kInertial, "the IMU's messages carry accelerations") : chooseWithout();
+}
+
+/// Without accelerations.
+void SlamSystem::chooseWithout() {
+  choose(MotionChoice::kConstantTwist,
+         imu_rate_.hasSamples() ? "the IMU's messages come at less than 50 Hz, too seldom for their "
+                                  "accelerations to be integrated (motion: inertial does it none the less)"
+                                : "there is no IMU");
+}
+
 void SlamSystem::begin(const InitialState& state) {
   if (motion_ == MotionChoice::kConstantTwist)
     throw ConfigError(
@@ -122,13 +138,8 @@ bool SlamSystem::countInvalid(const Measurement& measurement) {
 
 void SlamSystem::add(Measurement measurement) {
   if (countInvalid(measurement)) return;
-  if (motion_ == MotionChoice::kAuto) {
-    if (const auto* imu = std::get_if<ImuSample>(&measurement))
-      imu->acceleration
-          ? choose(MotionChoice::kInertial, "the IMU's messages carry accelerations")
-          : choose(MotionChoice::kConstantTwist,
-                   "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
-  }
+  if (const auto* imu = std::get_if<ImuSample>(&measurement); imu && motion_ == MotionChoice::kAuto)
+    chooseBy(*imu);
   if (auto* frame = std::get_if<StereoFrame>(&measurement)) {
     frame->time_offset = estimator_->timeOffset();
     frame->stamp += fromSeconds(frame->time_offset);
@@ -179,7 +190,7 @@ bool SlamSystem::needsRig() const {
   return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
 }
 
-/// For the calibration, and for a first message of the IMU that says how the body moves.
+/// For the calibration, and for the first messages of the IMU that says how the body moves.
 bool SlamSystem::waits() const {
   if (!first_stamp_ || !buffer_.newest()) return false;
   const double held = secondsBetween(*first_stamp_, *buffer_.newest());
@@ -189,8 +200,7 @@ bool SlamSystem::waits() const {
 
 void SlamSystem::drain() {
   const bool is_full = buffer_.size() > config_.buffer.max_size;
-  if (motion_ == MotionChoice::kAuto && buffer_.newest() && (is_full || !waits()))
-    choose(MotionChoice::kConstantTwist, "there is no IMU");
+  if (motion_ == MotionChoice::kAuto && buffer_.newest() && (is_full || !waits())) chooseWithout();
   if (waits()) {
     while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
   } else {
@@ -199,8 +209,7 @@ void SlamSystem::drain() {
 }
 
 void SlamSystem::flush() {
-  if (motion_ == MotionChoice::kAuto && !buffer_.empty())
-    choose(MotionChoice::kConstantTwist, "there is no IMU");
+  if (motion_ == MotionChoice::kAuto && !buffer_.empty()) chooseWithout();
   guard_.discard();
   countStrays();
   while (auto measurement = buffer_.popRegardless()) process(*measurement);
@@ -288,7 +297,8 @@ void SlamSystem::process(const Measurement& measurement) {
     }
     const StateEstimate state = estimator_->state();
     updateDeadReckoning(frame, state);
-    if (handlers_.frame) handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
+    if (handlers_.frame)
+      handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
   }
 }
 

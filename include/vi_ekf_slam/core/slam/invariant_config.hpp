@@ -18,7 +18,7 @@ struct Gates {
 
 /// How the body is taken to move.
 enum class MotionChoice {
-  kAuto,          ///< inertial where the IMU's messages carry accelerations, else constant twist
+  kAuto, ///< inertial where the IMU's messages carry accelerations, at 50 Hz or more, else constant twist
   kConstantTwist, ///< gyro and velocity are measurements of a slowly changing twist
   kInertial,      ///< gyro and accelerometer are inputs
 };

@@ -14,6 +14,7 @@
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/clock_guard.hpp"
 #include "vi_ekf_slam/core/sensors/imu_check.hpp"
+#include "vi_ekf_slam/core/sensors/imu_rate.hpp"
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
@@ -29,9 +30,9 @@ constexpr double kMaxAcceleration = 1e4; ///< m/s^2
 /// The result of one processed measurement.
 struct Output {
   StateEstimate state;
-  SE3 odom_T_imu;        ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
-  FrameReport report;    ///< only for frames
-  double update_s = 0.0; ///< s of wall time that the estimator took; only for frames
+  SE3 odom_T_imu;                   ///< dead reckoning: smooth, drifts without bound (REP 105's odom)
+  FrameReport report;               ///< only for frames
+  double update_s = 0.0;            ///< s of wall time that the estimator took; only for frames
   std::optional<ClosedLoop> loop{}; ///< that the frame has closed
 };
 
@@ -151,6 +152,8 @@ class SlamSystem {
   void countStrays();
   void drain();
   void choose(MotionChoice motion, const std::string& reason);
+  void chooseBy(const ImuSample& sample);
+  void chooseWithout();
   std::unique_ptr<Estimator> makeEstimator() const;
   bool waits() const;
   void reportStart();
@@ -175,6 +178,7 @@ class SlamSystem {
   SystemCounts counts_;
   NoiseReport noise_;
   ImuCheck imu_check_;
+  ImuRate imu_rate_; ///< of the first samples
   Handlers handlers_;
 };
 
