@@ -126,7 +126,8 @@ int run(const RunBagOptions& options) {
   if (options.save_map && !system.estimator().keepsJointMap())
     throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
   if (!options.save_calibration.empty() && !config.core.invariant.rig.isEstimated())
-    throw UsageError("--save-calibration needs a configuration whose section calibration has a sigma above 0");
+    throw UsageError(
+        "--save-calibration needs a configuration whose section calibration has a sigma above 0");
   if (!options.load_map.empty())
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
   const auto say = [&options](const std::string& text) {
@@ -191,13 +192,15 @@ int run(const RunBagOptions& options) {
                            system.motionText(),
                            system.estimator().startProblem(),
                            system.imuCheck().counts(),
-                           system.estimator().rig()};
+                           system.estimator().rig(),
+                           intake.imuFrame()};
   writer.writeTrajectory(options.output);
   writer.writeSmoothed(options.output, estimate.path);
   writer.writeMap(options.output, landmarks);
   writer.writeSummary(options.output, summary, landmarks.size());
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
-  if (!options.save_calibration.empty()) writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
+  if (!options.save_calibration.empty())
+    writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
   if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
   if (!options.quiet && images) images->print(std::cout);
   if (!options.quiet) printSummary(options, writer, summary, landmarks.size());

@@ -235,6 +235,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   std::ostringstream text;
   text << "input: " << quoted(summary.input) << "\nconfig: " << quoted(summary.config)
        << "\nmotion: " << quoted(summary.motion) << "\nnot_started: " << quoted(summary.not_started)
+       << "\nbody: " << quoted(summary.body)
        << "\nposes_of: " << (hasFrames() ? "stereo frames" : "gyro samples") << "\nposes: " << size()
        << "\nposes_before_resets: " << list(earlierSizes()) << "\nframes: " << (hasFrames() ? size() : 0)
        << "\nlandmarks: " << landmarks

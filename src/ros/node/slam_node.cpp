@@ -38,9 +38,9 @@ SlamNode::SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
             diagnostics_.noteOutput(output, is_frame);
           },
           settings_.config.ros.odometry_rate),
-      publishers_(nh, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
-                  [this] { return system_.estimator().landmarks(); },
-                  [this] { return system_.estimator().path(); }),
+      publishers_(
+          nh, settings_.config.ros, settings_.config.core.buffer.max_jump_s, intake_.frames(),
+          [this] { return system_.estimator().landmarks(); }, [this] { return system_.estimator().path(); }),
       worker_({settings_.config.ros.max_latency_s, 3 * Subscriptions::kQueueSize,
                settings_.config.ros.max_features}),
       diagnostics_(nh, private_nh, {system_, intake_, publishers_, worker_.queue()}),
@@ -281,7 +281,8 @@ RunSummary SlamNode::summary() const {
           system_.motionText(),
           system_.estimator().startProblem(),
           system_.imuCheck().counts(),
-          system_.estimator().rig()};
+          system_.estimator().rig(),
+          intake_.imuFrame()};
 }
 
 void SlamNode::finish() {

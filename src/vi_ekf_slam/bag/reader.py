@@ -10,10 +10,12 @@ FEATURES, INFO = "/features", "/left/camera_info"
 
 
 class Reference:
-    """frame_stamps (T,) s of /features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps, map_T_imu poses) or None."""
+    """frame_stamps (T,) s of /features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps,
+    map_T_imu poses) or None; camera: name of the left camera's frame or None.
+    """
 
-    def __init__(self, frame_stamps, cam_T_imu, truth):
-        self.frame_stamps, self.cam_T_imu, self.truth = frame_stamps, cam_T_imu, truth
+    def __init__(self, frame_stamps, cam_T_imu, truth, camera=None):
+        self.frame_stamps, self.cam_T_imu, self.truth, self.camera = frame_stamps, cam_T_imu, truth, camera
 
 
 def read_reference(path):
@@ -36,7 +38,7 @@ def read_reference(path):
                 if topic in stamps:
                     stamps[topic].append(message.header.stamp.to_sec())
     camera = FEATURES if stamps[FEATURES] else INFO
-    return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth)
+    return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
 
 
 def _read_path(message):

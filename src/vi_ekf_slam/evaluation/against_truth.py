@@ -113,16 +113,20 @@ def describe(name, evaluation):
 def title_of_errors(slam, dead_reckoning=None):
     """The lines under the title of a picture from a common start. Both are Evaluations."""
     return "ATE %s, of a rigid alignment that is not drawn;\nfrom a common start, as drawn: wrong by %s at the end" % (
-        _both("%.2f m", slam.ate, dead_reckoning and dead_reckoning.ate),
-        _both("%.2f m", slam.error[-1], dead_reckoning and dead_reckoning.error[-1]))
+        _both(slam.ate, dead_reckoning and dead_reckoning.ate),
+        _both(slam.error[-1], dead_reckoning and dead_reckoning.error[-1]))
 
 
 def panel_titles(slam, dead_reckoning=None):
     """The titles of top_view.draw_alignments' panels. Both are Evaluations."""
-    return ("from a common start; at the end wrong by\n%s" % _both("%.2f m", slam.error[-1],
+    return ("from a common start; at the end wrong by\n%s" % _both(slam.error[-1],
                                                                   dead_reckoning and dead_reckoning.error[-1]),
-            "rigidly aligned; ATE\n%s" % _both("%.2f m", slam.ate, dead_reckoning and dead_reckoning.ate))
+            "rigidly aligned; ATE\n%s" % _both(slam.ate, dead_reckoning and dead_reckoning.ate))
 
 
-def _both(text, slam, dead_reckoning):
-    return text % slam if dead_reckoning is None else (text + " (dead reckoning " + text + ")") % (slam, dead_reckoning)
+def _both(slam, dead_reckoning):
+    return _metres(slam) if dead_reckoning is None else "%s (dead reckoning %s)" % (_metres(slam), _metres(dead_reckoning))
+
+
+def _metres(value):
+    return "%.2f m" % value if value >= 0.995 else "%.0f mm" % (1e3 * value)

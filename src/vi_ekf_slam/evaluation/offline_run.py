@@ -11,6 +11,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.package_files import package_program
 from vi_ekf_slam.dataset.truth import sample_poses
 from vi_ekf_slam.evaluation.against_truth import evaluate
+from vi_ekf_slam.evaluation.run_inputs import of_body
 from vi_ekf_slam.evaluation.run_io import read_run
 
 Judgement = namedtuple("Judgement", "slam dead_reckoning way")
@@ -31,7 +32,8 @@ def judge(bag, output):
     if reference.truth is None:
         raise InputError("%s: has no truth" % bag)
     run = read_run(output)
-    slam, dead = (evaluate(stamps, poses, reference.truth, reference.cam_T_imu)
+    truth, cam_T_imu = of_body(reference.truth, reference, run.summary)
+    slam, dead = (evaluate(stamps, poses, truth, cam_T_imu)
                   for stamps, poses in ((run.stamps, run.poses), (run.dead_stamps, run.dead_poses)))
-    _, true_poses = sample_poses(*reference.truth, run.stamps)
+    _, true_poses = sample_poses(*truth, run.stamps)
     return Judgement(slam, dead, float(np.linalg.norm(np.diff(true_poses[:, :3, 3], axis=0), axis=1).sum()))

@@ -19,7 +19,7 @@ from vi_ekf_slam.evaluation.pictures import (
     save_pictures,
 )
 from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
-from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, read_bag, read_subject
+from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, of_body, read_bag, read_subject
 from vi_ekf_slam.evaluation.trajectory_export import export
 
 
@@ -127,7 +127,8 @@ def _judge(path, name, bag, truth_file, options):
     subject = read_subject(path, name, reference, options.trajectory_body, options.gauge)
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
-    subject.truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
+    truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
+    subject.truth, subject.cam_T_imu = of_body(truth, reference, subject.summary)
     return judge_subject(subject)
 
 

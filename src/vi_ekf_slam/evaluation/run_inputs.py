@@ -2,7 +2,10 @@
 
 import os
 
+import numpy as np
+
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.dataset.truth import load_truth
 from vi_ekf_slam.evaluation.gauge import gauge_of
@@ -16,7 +19,7 @@ class Subject:
     stamps (N,) s, poses (N, 4, 4): world_T_imu in a world frame of its own.
     dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
     covariances, smoothed_covariances (N, 6, 6) of the poses and of run.smoothed, or None; frames: columns of frames.csv or None.
-    gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, IMU poses) in any world frame, or None.
+    gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, poses of the same body) in any world frame, or None.
     """
 
     def __init__(self, name, source, trajectory):
@@ -54,6 +57,17 @@ def find_truth(path, body, stamps, reference, gauge="pose"):
                          "needed for both" % path)
     return load_truth(path, reference.frame_stamps if is_kitti else stamps,
                       reference.cam_T_imu if reference else None, body, anchored=gauge == "pose")
+
+
+def of_body(truth, reference, summary):
+    """(truth, cam_T_imu) of the body whose poses a run holds: those of a camera without an IMU are the left camera's own.
+
+    truth: (stamps, IMU poses) or None. reference: of read_bag. summary: of read_run; one of before names no body.
+    """
+    cam_T_imu = reference.cam_T_imu if reference else None
+    if cam_T_imu is None or not summary.get("body") or summary["body"] != reference.camera:
+        return truth, cam_T_imu
+    return truth and (truth[0], truth[1] @ inverse(cam_T_imu)), np.eye(4)
 
 
 def read_subject(path, name, reference=None, body=None, gauge=None):

@@ -9,7 +9,7 @@ from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.dataset.truth import BODIES
 from vi_ekf_slam.evaluation.against_truth import anchor_truth, describe, evaluate, title_of_errors
 from vi_ekf_slam.evaluation.gauge import gauge_of
-from vi_ekf_slam.evaluation.run_inputs import find_truth, read_bag
+from vi_ekf_slam.evaluation.run_inputs import find_truth, of_body, read_bag
 from vi_ekf_slam.evaluation.run_io import read_run
 
 
@@ -39,9 +39,9 @@ def plot_run(options):
     run = read_run(options.run, options.dead_reckoning)
     outputs = _outputs(options)
     reference = read_bag(options.bag)
-    cam_T_imu = reference.cam_T_imu if reference else None
     gauge = gauge_of(run.summary)
     truth = find_truth(options.truth, options.truth_body, run.stamps, reference, gauge)
+    truth, cam_T_imu = of_body(truth, reference, run.summary)
 
     title, truth_line = _name(options), None
     if truth:

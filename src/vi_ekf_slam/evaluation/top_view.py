@@ -11,7 +11,7 @@ from matplotlib.figure import Figure  # noqa: E402
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: E402
 
 MARGIN = 0.12  # of the trajectories' larger extent, around them
-MIN_MARGIN = 10.0  # m
+MIN_MARGIN = 0.1  # m
 MIN_ASPECT = 0.45  # of height to width or width to height, for straight drives
 LONG_SIDE = 9.0  # inch
 CELLS = 26  # along the longer side of the view; a cell holds at most one ellipse

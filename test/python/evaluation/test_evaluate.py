@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from conftest import TRUE_POSITIONS, drive, is_png, tum
 
+from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import rotation_to_quaternion
 from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.evaluation import graphs, top_view
 from vi_ekf_slam.evaluation.against_truth import align, evaluate, judge_covariances, panel_titles
@@ -299,8 +301,8 @@ def test_the_trajectory_is_drawn_as_its_error_is_stated(full_run):
     lines = [("truth", poses[:, :3, 3], top_view.TRUTH_STYLE)]
     figure = top_view.draw_alignments("drive", [(title, lines) for title in panel_titles(evaluation, evaluation)])
     assert [axes.get_title() for axes in figure.axes] == [
-        "from a common start; at the end wrong by\n0.00 m (dead reckoning 0.00 m)",
-        "rigidly aligned; ATE\n0.00 m (dead reckoning 0.00 m)"]
+        "from a common start; at the end wrong by\n0 mm (dead reckoning 0 mm)",
+        "rigidly aligned; ATE\n0 mm (dead reckoning 0 mm)"]
 
     evaluation = evaluate(stamps, poses, (stamps, poses))
     figure = graphs.draw_drift("drive", graphs.drift_lines(None, [("SLAM", evaluation)]))
@@ -333,3 +335,21 @@ def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
     farthest = outline[np.argmax(radii)] - [100.0, 50.0]
     assert radii.max() == pytest.approx(2.4477 * np.sqrt(3.0)) and radii.min() == pytest.approx(2.4477)
     assert farthest[0] == pytest.approx(farthest[1])
+
+
+def test_poses_of_a_camera_without_an_imu_are_judged_as_such(script, full_run, bag):
+    """summary.yaml names the body: the left camera's poses are compared with the left camera's truth."""
+    stamps, poses = read_tum(str(full_run / "trajectory.tum"))
+    imu_T_cam = np.linalg.inv(read_reference(bag).cam_T_imu)
+    lines = []
+    for stamp, pose in zip(stamps, poses @ imu_T_cam):
+        q = rotation_to_quaternion(pose[:3, :3])
+        lines.append(" ".join("%.9f" % v for v in (stamp, *pose[:3, 3], *q)))
+    (full_run / "trajectory.tum").write_text("\n".join(lines) + "\n")
+    with open(str(full_run / "summary.yaml"), "a", encoding="utf-8") as stream:
+        stream.write('body: "left_camera_optical"\n')
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
+    assert numbers(full_run)["slam"]["ate_anchored_m"] == pytest.approx(0.0, abs=1e-6)
+    (full_run / "summary.yaml").write_text("frames: 8\n")  # taken for the IMU's
+    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
+    assert numbers(full_run)["slam"]["ate_anchored_m"] > 1.0

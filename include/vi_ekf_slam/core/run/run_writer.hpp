@@ -26,6 +26,7 @@ struct RunSummary {
   std::string not_started;        ///< why there is no pose at the end; empty: there is one
   ImuCheck::Counts imu;
   std::optional<RigEstimate> rig; ///< at the end
+  std::string body; ///< frame whose poses they are: the IMU's, the left camera's where there is no IMU
 };
 
 /// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.
@@ -48,9 +49,9 @@ class RunWriter {
                               *kCovariance = "covariance.csv", *kSmoothed = "trajectory_smoothed.tum",
                               *kSmoothedCovariance = "covariance_smoothed.csv", *kFrames = "frames.csv",
                               *kLandmarks = "landmarks.csv", *kSummary = "summary.yaml";
-  static constexpr std::array<const char*, 8> kFiles = {kTrajectory, kDeadReckoning,      kCovariance,
-                                                        kSmoothed,   kSmoothedCovariance, kFrames,
-                                                        kLandmarks,  kSummary};
+  static constexpr std::array<const char*, 8> kFiles = {
+      kTrajectory,         kDeadReckoning, kCovariance, kSmoothed,
+      kSmoothedCovariance, kFrames,        kLandmarks,  kSummary};
   static constexpr const char* kCalibration = "calibration.yaml"; ///< where it was estimated
   /// What the names of the folders of earlier starts begin with.
   static constexpr const char* kBeforeReset = "before_reset_";
