@@ -10,17 +10,25 @@ namespace vi_ekf_slam {
 namespace {
 
 // Between two clones the path is corrected in proportion: what a loop corrects changes over tens of metres.
-constexpr double kBetweenClones = 5.0;                // m
-constexpr double kTurnBetween = 0.5;               // rad
+constexpr double kBetweenClones = 5.0; // m
+constexpr double kTurnBetween = 0.5;   // rad
+// rad, standard deviation of what is learnt of the attitude (the start from rest), which is no correction in
+// proportion.
+constexpr double kLearnt = 0.001;
 constexpr std::size_t kMostArchived = 20000; // beyond it every second one is dropped
 constexpr std::size_t kMostLoops = 10000;    // the last ones
+
+Eigen::Vector3d attitudeOf(const Filter& filter) { return filter.covariance().diagonal().segment<3>(3); }
 
 } // namespace
 
 void PoseClones::add(Filter& filter, Stamp now) {
   if (follows_ && !clones_.empty()) {
     const SE3 since = clones_.back().node.after.inverse() * filter.pose();
-    if (since.translation().norm() < kBetweenClones && so3::Log(since.rotation()).norm() < kTurnBetween) return;
+    const double learnt = (clones_.back().attitude - attitudeOf(filter)).maxCoeff();
+    if (since.translation().norm() < kBetweenClones && so3::Log(since.rotation()).norm() < kTurnBetween &&
+        learnt < kLearnt * kLearnt)
+      return;
   }
   append(filter, now);
 }
@@ -31,7 +39,7 @@ void PoseClones::append(Filter& filter, Stamp now) {
   node.before = node.after = node.now = filter.pose();
   node.follows = follows_;
   follows_ = true;
-  clones_.push_back({filter.clonePose(), node, filter.pose().rotation()});
+  clones_.push_back({filter.clonePose(), node, filter.pose().rotation(), attitudeOf(filter)});
 }
 
 /// Means of a clone are its position, and how it was turned since.
@@ -69,10 +77,10 @@ std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp now, const SE3
   clones_.back().node.before = before;
   clones_.back().node.after = filter.pose();
   if (clones_.size() < 2) return std::nullopt;
-  const auto then = std::min_element(clones_.begin(), std::prev(clones_.end()),
-                                     [last](const Clone& a, const Clone& b) {
-                                       return std::llabs(a.node.stamp - last) < std::llabs(b.node.stamp - last);
-                                     });
+  const auto then =
+      std::min_element(clones_.begin(), std::prev(clones_.end()), [last](const Clone& a, const Clone& b) {
+        return std::llabs(a.node.stamp - last) < std::llabs(b.node.stamp - last);
+      });
   // Earlier than the first clone: by another drive, or where the path is not known to the filter any more.
   if (last < clones_.front().node.stamp) return std::nullopt;
   filter.settle();

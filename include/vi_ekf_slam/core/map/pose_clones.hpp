@@ -38,6 +38,7 @@ class PoseClones {
     Handle variable;
     PathNode node;            ///< as of then
     Eigen::Matrix3d rotation; ///< from which the variable's mean turns
+    Eigen::Vector3d attitude; ///< rad^2, variance then
   };
 
   void append(Filter& filter, Stamp now);
