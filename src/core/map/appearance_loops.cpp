@@ -24,10 +24,7 @@ constexpr std::size_t kLeastMatches = 5; // of a place
 constexpr std::size_t kFewExpected = 20; // landmarks of the map ahead, before more of them are
 constexpr double kShare = 0.4;           // of the matches, that agree
 constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
-// A front end finds a corner elsewhere another time: half a pixel of 700 at 30 m, 20 mm, and what the light
-// does.
-constexpr double kCornerSigma = 0.05; // m
-constexpr double kGate2 = 11.345;     // chi-square, 3 degrees of freedom, 99 %
+constexpr double kGate2 = 11.345;        // chi-square, 3 degrees of freedom, 99 %
 // What must agree before a place is believed.
 constexpr int kAttempts = 3;
 constexpr std::size_t kOthers = 3; // landmarks that the first attempt did not have
@@ -94,7 +91,7 @@ void AppearanceLoops::restart() {
   next_index_.reset();
 }
 
-void AppearanceLoops::claim(const Filter& filter, LandmarkMap& map, const StereoModel& model,
+void AppearanceLoops::claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
                             const StereoFrame& frame, const std::vector<std::size_t>& usable) {
   std::vector<std::size_t> expected;
   for (std::size_t i = 0; i < map.active().size(); ++i) {
@@ -107,12 +104,14 @@ void AppearanceLoops::claim(const Filter& filter, LandmarkMap& map, const Stereo
     if (!f.descriptor || tracked.count(f.id) || map.isInactive(f.id)) continue;
     DescriptorSet look;
     look.add(*f.descriptor);
+    const double corner = kCornerSigma * (f.pixels[0] - f.pixels[2]) / model.rig().camera.baseline; // px
+    const double sigma = std::hypot(model.sigmaOf(f.sigma), corner);
     MostAlike best;
     for (const std::size_t i : expected) {
       Landmark& landmark = map.active(i);
       const int bits = distance(look, landmark.descriptors);
       if (!landmark.reactivated || bits > MostAlike::kMostBits) continue;
-      auto measurement = model.observe(filter, landmark.variable, f.pixels, f.sigma);
+      auto measurement = model.observe(filter, landmark.variable, f.pixels, sigma);
       if (!measurement) continue;
       Innovation in(filter.covariance(), {std::move(*measurement)});
       if (!(in.nisOf(0) < kGate2)) continue;
@@ -124,6 +123,8 @@ void AppearanceLoops::claim(const Filter& filter, LandmarkMap& map, const Stereo
     }
     if (!best.isClear()) continue;
     map.active(best.first).id = f.id;
+    // It is the point of this track from now on.
+    filter.addNoise(filter.rowOf(map.active(best.first).variable), isotropic(kCornerSigma));
     expected.erase(std::find(expected.begin(), expected.end(), best.first));
   }
 }
@@ -185,7 +186,7 @@ void AppearanceLoops::index(const Filter& filter, const LandmarkMap& map) {
       // Those that have a saved map's new ids have not been seen since: then they would have a track's.
       const bool is_of_before =
           landmark.id >= LandmarkMap::kRenumbered ||
-          filter.inactive().deactivatedSince(landmark.variable) > kViewsBefore * map.active().size();
+          filter.inactive().deactivatedSince(landmark.variable) > kViewsBefore * map.keptOfView();
       if (!is_of_before || landmark.descriptors.isEmpty() || active.count(landmark.id)) return;
       known.push_back({landmark.id, l.estimate.variable.mean, l.estimate.covariance, landmark.descriptors});
     });

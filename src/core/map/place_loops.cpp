@@ -33,7 +33,7 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double s
       allowance_ < filter.inactive().settlingCost())
     return {};
   next_attempt_ = now + fromSeconds(kBetween);
-  const std::uint64_t view = map.active().size();
+  const std::uint64_t view = map.keptOfView();
   const Eigen::Vector3d about = filter.pose().translation();
   const Matrix6d covariance = filter.covariance().topLeftCorner<6, 6>();
   const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());

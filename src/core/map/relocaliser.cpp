@@ -20,7 +20,6 @@ constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
 constexpr double kBetweenTries = 0.5;    // s
 constexpr double kBetweenFailures = 5.0; // s, of the costly part
-constexpr double kCornerSigma = 0.05;    // m, by which a front end finds a corner elsewhere another time
 constexpr double kCompatible = 11.345;   // chi-square, 3 degrees of freedom, 99 %
 constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
 constexpr double kShareOfLooks = 0.4;    // the same where looks alone say that they are

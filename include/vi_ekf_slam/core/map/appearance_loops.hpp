@@ -21,8 +21,8 @@ class AppearanceLoops {
   explicit AppearanceLoops(double operations_per_second);
 
   /// Before a frame is associated: features of new tracks that look like landmarks which are expected in
-  /// view, and lie where these should be seen, are theirs from now on.
-  static void claim(const Filter& filter, LandmarkMap& map, const StereoModel& model,
+  /// view, and lie where these should be seen, are theirs from now on, to kCornerSigma.
+  static void claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
                     const StereoFrame& frame, const std::vector<std::size_t>& usable);
 
   /// After a frame; `seconds` have passed since the last one. Landmarks that were found to be ones that were

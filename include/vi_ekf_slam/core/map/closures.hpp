@@ -44,7 +44,7 @@ class Closures {
     return {};
   }
   /// Before the frame's features are associated.
-  void expect(const Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
+  void expect(Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
               const std::vector<std::size_t>& usable) const {
     if (recognition_ != PlaceRecognition::kNone) AppearanceLoops::claim(filter, map, model, frame, usable);
   }

@@ -52,6 +52,8 @@ class LandmarkMap {
   Landmark& active(std::size_t index) { return active_[index]; }
   /// Where each is in active(), by id; the first one of those that share an id.
   std::unordered_map<FeatureId, std::size_t> indexById() const;
+  /// How many of those in view will be kept: after so many others the view is another one.
+  std::size_t keptOfView() const { return active_.size() / options_.one_in; }
   /// Of an inactive landmark.
   bool isInactive(FeatureId id) const { return inactive_by_id_.count(id) != 0; }
   Handle inactiveVariable(FeatureId id) const { return inactive_by_id_.at(id); }

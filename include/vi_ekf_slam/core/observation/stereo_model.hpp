@@ -56,6 +56,7 @@ class StereoModel {
   std::optional<Triangulated> triangulate(const Filter& filter, const StereoPixels& pixels,
                                           double sigma = 0.0) const;
 
+  double sigmaOf(double given) const { return given > 0.0 ? given : options_.pixel_sigma; }
   /// 3x3 of (u_left, v, u_right), px^2.
   Eigen::Matrix3d noise(double sigma = 0.0) const;
 
@@ -66,7 +67,6 @@ class StereoModel {
   PointChart inverseDepthChart(const Filter& filter, const Eigen::VectorXd& error = {}) const;
 
  private:
-  double sigmaOf(double given) const { return given > 0.0 ? given : options_.pixel_sigma; }
   StereoPixels withoutBias(const StereoPixels& pixels, double sigma) const;
 
   StereoRig rig_;
