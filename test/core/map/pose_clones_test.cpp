@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "../numeric.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam::test {
@@ -20,7 +22,8 @@ class StraightDrive {
   explicit StraightDrive(int steps) : steps_(steps), filter_(SE3(), start()) {
     filter_.closeCore();
     clones_.add(filter_, 0);
-    point_ = filter_.augment(Chart::kPoint, Eigen::Vector3d(5.0, 1.0, 0.0), 0.01 * Eigen::Matrix3d::Identity());
+    point_ =
+        filter_.augment(Chart::kPoint, Eigen::Vector3d(5.0, 1.0, 0.0), 0.01 * Eigen::Matrix3d::Identity());
     filter_.deactivate(point_, Eigen::Matrix3d::Zero());
     for (int i = 1; i <= steps; ++i) {
       moves_.emplace_back(Eigen::Vector3d(6.0, 0.0, 0.0) + kStepSigma * random_.vector<3>(-1.7, 1.7));
@@ -99,7 +102,8 @@ TEST(PoseClones, AreTheBatchSolutionOfALinearDriveAfterALoop) {
   for (std::size_t i = 0; i < path.nodes.size(); ++i) {
     const auto row = 3 * static_cast<Eigen::Index>(i);
     EXPECT_LE((path.nodes[i].now.translation() - means.segment<3>(row)).norm(), 1e-9) << "node " << i;
-    EXPECT_LE((path.nodes[i].covariance.topLeftCorner<3, 3>() - covariance.block<3, 3>(row, row)).norm(), 1e-9)
+    EXPECT_LE((path.nodes[i].covariance.topLeftCorner<3, 3>() - covariance.block<3, 3>(row, row)).norm(),
+              1e-9)
         << "node " << i;
   }
   // What the event says of both ends.
@@ -132,6 +136,22 @@ TEST(PoseClones, ALoopMovesPosesBetweenInProportionAndNoneBefore) {
   EXPECT_LE((moved - 0.5 * (by_a + by_b)).norm(), 1e-12);
   EXPECT_LE((path.nodes.back().after.translation() - path.nodes.back().now.translation()).norm(), 1e-12)
       << "where the loop was closed the pose is what was published";
+}
+
+TEST(PoseClones, AreMadeWhereTheAttitudeIsLearnt) {
+  Filter filter(SE3(), independentPose(0.01, 0.02));
+  filter.closeCore();
+  PoseClones clones;
+  for (int i = 0; i < 3; ++i) clones.add(filter, i * kSecond); // nothing new
+  const auto count = [&] {
+    return clones.estimate(filter, filter.inactive().estimates(true), 9).nodes.size();
+  };
+  const std::size_t before = count();
+  filter.fixPose(4, std::pow(0.0199, 2)); // by 0.002 rad
+  clones.add(filter, 3 * kSecond);
+  EXPECT_EQ(count(), before + 1);
+  clones.add(filter, 4 * kSecond);
+  EXPECT_EQ(count(), before + 1);
 }
 
 TEST(PoseClones, MarginalisedOnesStayWhereTheyWere) {

@@ -96,7 +96,8 @@ TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
 TEST(Snapshot, OfTheLandmarksIsExact) {
   Road road(9, 40, kTypical);
   const InvariantEstimator estimator = driven(road, 60);
-  const std::vector<LandmarkEstimate> exact = estimator.exactLandmarks(), last_settled = estimator.landmarks();
+  const std::vector<LandmarkEstimate> exact = estimator.exactLandmarks(),
+                                      last_settled = estimator.landmarks();
   ASSERT_EQ(exact.size(), last_settled.size());
   double gained = 0.0;
   for (std::size_t i = 0; i < exact.size(); ++i) {
