@@ -85,7 +85,10 @@ def simulate_pictures(argv):
 
 
 def write_drive(folder, options):
-    """mav0 with cam0, cam1, imu0 and state_groundtruth_estimate0 below `folder`."""
+    """mav0 with cam0, cam1, imu0 and state_groundtruth_estimate0 below `folder`.
+
+    Returns what was drawn: the rectangles that do not move, the motion, and imu_T_left.
+    """
     random = np.random.default_rng(options.seed)
     motion = MOTIONS[options.scene](options.laps, options.duration)
     intrinsics = np.array([[FOCAL_LENGTH, 0, 0.5 * (SIZE[0] - 1)], [0, FOCAL_LENGTH, 0.5 * (SIZE[1] - 1)], [0, 0, 1.0]])
@@ -100,7 +103,7 @@ def write_drive(folder, options):
         _write(base, name, "sensor.yaml", _camera_yaml(imu_T_cam, intrinsics, options.frame_rate))
         _write(base, name, "data.csv", "#timestamp [ns],filename\n" + "".join("%d,%d.jpg\n" % (s, s) for s in stamps))
     _write_truth(base, motion, stamps)
-    _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random)
+    return _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random), motion, cameras[0]
 
 
 def _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random):
@@ -122,6 +125,7 @@ def _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random):
             pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)
             if not cv2.imwrite(path, pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]):
                 raise InputError("%s: cannot be written" % path)
+    return scene
 
 
 def _write_imu(base, motion, options, random):

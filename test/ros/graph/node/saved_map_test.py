@@ -5,6 +5,7 @@ import math
 import os
 import sys
 
+import numpy as np
 import rosbag
 import rospy
 import rostest
@@ -79,11 +80,11 @@ class SavedMap(NodeRunner):
         path = os.path.join(self.output, name)
         return os.stat(path).st_mtime_ns if os.path.exists(path) else 0
 
-    def save_first_drive(self):
+    def save_first_drive(self, change=None):
         """A node that has driven 8 s and saved its map, in output/first."""
         first = os.path.join(self.output, "first")
         node = self.start_node(output_dir=first, autosave_period=0)
-        self.play(0.0, 8.0)
+        self.play(0.0, 8.0, change=change)
         self.answered(START + 7.7)
         self.wait_for_report(DiagnosticStatus.OK, ALONE)
         answer = self.call("save_map")
@@ -182,6 +183,28 @@ class SavedMap(NodeRunner):
         self.assertFalse(os.path.exists(os.path.join(second, "map.bag")))  # nobody asked
         self.assertTrue(self.stamps("second", "before_reset_1", "trajectory.tum"))
         self.assertGreater(self.stamps("second", "trajectory.tum")[0], start + 9.0)
+
+    def test_a_second_session_finds_its_place_by_looks_alone(self):
+        """Its tracks have ids that say nothing; features look like the landmarks of the map."""
+        def look(message):
+            for feature in message.features:
+                feature.descriptor = np.random.default_rng(feature.id).bytes(32)
+
+        def look_and_renumber(message):
+            look(message)
+            for feature in message.features:
+                feature.id += 100000
+        path = self.save_first_drive(look)
+        start = START + 500.0
+        node = self.start_node(autosave_period=0, map_file=path)
+        self.wait_for_report(DiagnosticStatus.WARN, WAITING)
+        self.play(1.0, 7.5, start, look_and_renumber)
+        self.answered(start + 7.2)
+        self.wait_for_report(DiagnosticStatus.OK, RELOCALISED)
+        self.assertGreater(self.errors(self.odometry[:1], start)[0], 1.0)  # a frame of its own
+        self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
 
     def test_a_map_is_saved_to_a_file_and_loaded_from_it(self):
         """By name, without any output_dir; a name that cannot be followed is refused."""

@@ -90,9 +90,11 @@ class NodeRunner(unittest.TestCase):
         """Waits for the odometry of this stamp (s)."""
         self.wait_for(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= stamp - 1e-6)
 
-    def play(self, begin, end, start=START):
-        """Publishes what lies between two times (s) of the drive, which began at `start`."""
+    def play(self, begin, end, start=START, change=None):
+        """Publishes what lies between two times (s) of the drive, which began at `start`; `change` is done to the features first."""
         for topic, message in drive_data.drive(end, start):
+            if change and topic == "features":
+                change(message)
             if begin <= drive_data.stamp_of(message).to_sec() - start or topic == "/tf_static":
                 self.publishers[topic].publish(message)
                 time.sleep(0.02 if topic == "features" else 0.0)

@@ -1,0 +1,97 @@
+"""Two laps of a drawn street: the trajectory of our front end's tracks beside that of perfect ones (the same features, with the pixels of
+the points that they begin at), and the loop that both must close. VI_EKF_SLAM_PICTURE_SEEDS=1,2,3 draws more streets than one."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import rosbag
+from conftest import HANG_S, program
+
+from vi_ekf_slam.bag.converter import main as convert
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.evaluation.run_io import read_summary
+from vi_ekf_slam.simulation.pictures.drive import BASELINES, FOCAL_LENGTH, SIZE, START, make_parser, write_drive
+
+SEEDS = [int(seed) for seed in os.environ.get("VI_EKF_SLAM_PICTURE_SEEDS", "1").split(",")]
+MOST_RATIO = 1.5
+CENTRE = 0.5 * (np.array(SIZE) - 1)
+
+
+def distances(rectangles, origin, rays):
+    """(N,) of the nearest rectangle along each of rays (N, 3) from origin, in their lengths; inf: none."""
+    nearest = np.zeros(len(rays))  # its inverse
+    for rectangle in rectangles:
+        frame = rectangle.frame - np.outer(origin, [0, 0, 1.0])
+        if abs(np.linalg.det(frame)) < 1e-9:
+            continue
+        a, b, w = np.linalg.solve(frame, rays.T)
+        hit = (w > nearest) & (a >= 0) & (b >= 0) & (a <= w) & (b <= w)
+        nearest[hit] = w[hit]
+    with np.errstate(divide="ignore"):
+        return 1.0 / nearest
+
+
+def make_perfect(tracks, perfect, scene, motion, imu_T_left):
+    """The bag `perfect`: that of `tracks` with each feature where the point is that its track began at."""
+    points = {}
+    with rosbag.Bag(tracks) as source, rosbag.Bag(perfect, "w") as target:
+        for topic, message, stamp in source.read_messages():
+            if topic == "/features":
+                pose = motion.pose((message.header.stamp.to_nsec() - START) * 1e-9) @ imu_T_left
+                _begin(points, [f for f in message.features if f.id not in points], scene, pose)
+                message.features = [f for f in message.features if _move(f, inverse(pose), points[f.id])]
+            target.write(topic, message, stamp)
+
+
+def _begin(points, features, scene, world_T_left):
+    if not features:
+        return
+    pixels = np.array([[f.u_left, f.v_left] for f in features])
+    rays = np.column_stack([(pixels - CENTRE) / FOCAL_LENGTH, np.ones(len(pixels))]) @ world_T_left[:3, :3].T
+    origin = world_T_left[:3, 3]
+    for feature, ray, distance in zip(features, rays, distances(scene, origin, rays)):
+        points[feature.id] = origin + distance * ray
+
+
+def _move(feature, left_T_world, point):
+    """Whether the point is seen at all, and the feature put where it is."""
+    if not np.isfinite(point).all():
+        return False
+    x, y, z = left_T_world[:3, :3] @ point + left_T_world[:3, 3]
+    if z < 0.1:
+        return False
+    feature.u_left, feature.u_right = (CENTRE[0] + FOCAL_LENGTH * (x - shift) / z for shift in (0.0, BASELINES["street"]))
+    feature.v_left = feature.v_right = CENTRE[1] + FOCAL_LENGTH * y / z
+    return True
+
+
+def test_tracks_of_pictures_are_nearly_as_good_as_perfect_ones(script, tmp_path):
+    ratios = []
+    for seed in SEEDS:
+        folder = tmp_path / ("street%d" % seed)
+        folder.mkdir()
+        world = write_drive(str(folder), make_parser().parse_args([str(folder), "--seed", str(seed), "--quiet"]))
+        pictures, tracks, perfect = (str(tmp_path / ("%s%d.bag" % (name, seed))) for name in ("pictures", "tracks", "perfect"))
+        assert convert([str(folder), pictures, "--quiet"]) == 0
+
+        def judged(bag, run, *options):
+            subprocess.run([program("run_bag"), bag, "--output", run, "--quiet", *options], check=True, timeout=HANG_S)
+            done = script("evaluate.py", run, "--bag", pictures, "--no-plots")
+            assert done.returncode == 0, done.stderr
+            with open(os.path.join(run, "evaluation.json"), encoding="utf-8") as stream:
+                data = json.load(stream)
+            return (data["slam"]["ate_yaw_aligned_m"], data["smoothed"]["ate_yaw_aligned_m"], data["consistency"]["pose_nees"],
+                    read_summary(os.path.join(run, "summary.yaml"))["places_recognised"])
+
+        ours = judged(pictures, str(tmp_path / ("ours%d" % seed)), "--save-features", tracks)
+        make_perfect(tracks, perfect, *world)
+        best = judged(perfect, str(tmp_path / ("best%d" % seed)))
+        print("seed %d: ATE, smoothed, NEES, places: ours %.3f m %.3f m %.1f %d, perfect tracks %.3f m %.3f m %.1f %d"
+              % (seed, *ours, *best))
+        assert ours[3] > 0 and best[3] > 0, "the second lap is not recognised"
+        assert ours[1] < ours[0], "the loop that is closed makes the path worse"
+        ratios.append(ours[0] / best[0])
+    print("ATE over that of perfect tracks: %s, mean %.2f" % (" ".join("%.2f" % r for r in ratios), np.mean(ratios)))
+    assert np.mean(ratios) <= MOST_RATIO
