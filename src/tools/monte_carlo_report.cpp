@@ -19,7 +19,8 @@ using simulation::SeedResult;
 
 namespace {
 
-constexpr double kSoon = 2.0; // s, after which a start is late
+constexpr double kSoon = 2.0;        // s, after which a start is late
+constexpr double kWrongStart = 12.6; // chi-square, 6 degrees of freedom, 95 %
 
 __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
   char buffer[512];
@@ -176,6 +177,11 @@ std::string startsSummary(const std::vector<SeedResult>& results) {
              figuresOf(results, &InertialOutcome::first_pose).mean,
              figuresOf(results, &InertialOutcome::first_tilt).mean,
              figuresOf(results, &InertialOutcome::first_velocity).mean);
+  const auto wrong = std::count_if(results.begin(), results.end(), [](const SeedResult& result) {
+    return result.inertial->first_tilt + result.inertial->first_velocity > kWrongStart;
+  });
+  text += format("first estimates beyond %.1f  %lld of %zu (tilt and velocity, without their correlation)\n",
+                 kWrongStart, static_cast<long long>(wrong), delay.count);
   const Figures blind = figuresOf(results, &InertialOutcome::blind_nees);
   if (blind.count == 0) return text;
   const auto [low, high] = simulation::chiSquareMeanBounds(3.0, static_cast<double>(blind.count));
@@ -291,8 +297,8 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
       largest = std::max(largest, result.largest_node_nees);
     }
     text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
-                   frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }), nees,
-                   largest);
+                   frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }),
+                   nees, largest);
   }
   return isDisturbed(results) ? text + rigSummary(results) : text;
 }
