@@ -56,14 +56,6 @@ FrontEndConfig readFrontEnd(YamlSection section) {
 
 } // namespace
 
-RosConfig parseRosConfig(const std::string& yaml, const std::string& source) {
-  return readRos(YamlSection::root(yaml, source).section(kRosSection));
-}
-
-FrontEndConfig parseFrontEndConfig(const std::string& yaml, const std::string& source) {
-  return readFrontEnd(YamlSection::root(yaml, source).section(kFrontEndSection));
-}
-
 bool isConfigurationKey(const std::string& name) {
   static const std::set<std::string> keys = {"estimator", "motion",      "buffer",        "invariant",
                                              "inertial",  "calibration", "map",           "paper",
@@ -71,9 +63,14 @@ bool isConfigurationKey(const std::string& name) {
   return keys.count(name) > 0;
 }
 
+FullConfig parseFullConfig(const YAML::Node& document, const std::string& source) {
+  YamlSection root = YamlSection::root(document, source);
+  return {parseConfig(document, source, {kRosSection, kFrontEndSection}), readRos(root.section(kRosSection)),
+          readFrontEnd(root.section(kFrontEndSection))};
+}
+
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
-  return {parseConfig(yaml, source, {kRosSection, kFrontEndSection}), parseRosConfig(yaml, source),
-          parseFrontEndConfig(yaml, source)};
+  return parseFullConfig(parseYaml(yaml, source), source);
 }
 
 FullConfig loadFullConfig(const std::string& path) { return parseFullConfig(readYamlFile(path), path); }

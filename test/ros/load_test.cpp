@@ -3,7 +3,6 @@
 #include <cmath>
 #include <limits>
 #include <set>
-#include <thread>
 
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
@@ -27,7 +26,12 @@ class Queue : public testing::Test {
   void push(WorkQueue& queue, char name, std::optional<Stream> stream) {
     EXPECT_TRUE(queue.push([this, name] { done_ += name; }, stream));
   }
+  /// Whose clock stands still until it is moved.
+  WorkQueue::Options options(double max_latency_s, std::size_t max_features = 400) const {
+    return {max_latency_s, 100, max_features, [this] { return now_; }};
+  }
   std::string done_;
+  WorkQueue::Clock::time_point now_;
 };
 
 TEST_F(Queue, keeps_the_order_of_arrival) {
@@ -40,24 +44,24 @@ TEST_F(Queue, keeps_the_order_of_arrival) {
 }
 
 TEST_F(Queue, sheds_old_frames_the_oldest_first_and_never_the_newest_nor_anything_else) {
-  WorkQueue queue({0.05, 100});
+  WorkQueue queue(options(0.05));
   push(queue, '0', Stream::kStereo);
   for (const char frame : {'1', '2', '3'}) {
     push(queue, 'g', Stream::kImu);
     push(queue, 'v', Stream::kVelocity);
     push(queue, frame, Stream::kStereo);
   }
-  std::this_thread::sleep_for(milliseconds(100));
+  now_ += milliseconds(100);
   EXPECT_EQ("0gvgvgv3", takeAll(queue, done_));
   EXPECT_EQ(2U, queue.counts().frames_shed);
 }
 
 TEST_F(Queue, gives_out_a_frame_now_and_then_however_old_they_are) {
-  WorkQueue queue({0.02, 100});
+  WorkQueue queue(options(0.02));
   for (const char frame : {'1', '2', '3', '4'}) push(queue, frame, Stream::kStereo);
-  std::this_thread::sleep_for(milliseconds(40));
+  now_ += milliseconds(40);
   queue.pop(0.0)->work();
-  std::this_thread::sleep_for(milliseconds(40));
+  now_ += milliseconds(40);
   queue.pop(0.0)->work();
   EXPECT_EQ("12", done_);
   EXPECT_EQ(0U, queue.counts().frames_shed);
@@ -65,11 +69,11 @@ TEST_F(Queue, gives_out_a_frame_now_and_then_however_old_they_are) {
 }
 
 TEST_F(Queue, sheds_nothing_that_is_young_or_when_told_not_to) {
-  WorkQueue young({10.0, 100}), patient({0.0, 100});
+  WorkQueue young(options(10.0)), patient(options(0.0));
   for (WorkQueue* queue : {&young, &patient}) {
     push(*queue, 'a', Stream::kStereo);
     push(*queue, 'b', Stream::kStereo);
-    std::this_thread::sleep_for(milliseconds(5));
+    now_ += std::chrono::seconds(9);
     takeAll(*queue, done_);
     EXPECT_EQ(0U, queue->counts().frames_shed);
   }
@@ -77,11 +81,11 @@ TEST_F(Queue, sheds_nothing_that_is_young_or_when_told_not_to) {
 }
 
 TEST_F(Queue, wants_fewer_features_of_a_frame_once_one_has_waited) {
-  WorkQueue queue({0.05, 100, 200});
+  WorkQueue queue(options(0.05, 200));
   EXPECT_EQ(200U, queue.featureLimit());
   push(queue, 'g', Stream::kImu);
   push(queue, 'f', Stream::kStereo);
-  std::this_thread::sleep_for(milliseconds(100));
+  now_ += milliseconds(100);
   ASSERT_TRUE(queue.pop(0.0));
   EXPECT_EQ(200U, queue.featureLimit());
   ASSERT_TRUE(queue.pop(0.0));
@@ -129,17 +133,17 @@ TEST(Load, fewer_features_while_frames_wait_and_more_again_when_they_do_not) {
 
 TEST(Latency, is_from_arrival_to_result_of_the_same_stamp) {
   LatencyMeter meter;
-  const auto now = WorkQueue::Clock::now();
+  const WorkQueue::Clock::time_point now;
   meter.noteArrival(Stream::kImu, 1, now - milliseconds(500));
   meter.noteArrival(Stream::kImu, 2, now - milliseconds(100));
   meter.noteArrival(Stream::kStereo, 2, now - milliseconds(300));
-  meter.noteResult(Stream::kStereo, 2);
-  meter.noteResult(Stream::kImu, 2);
-  meter.noteResult(Stream::kImu, 1); // overtaken
-  meter.noteResult(Stream::kImu, 7); // never arrived
+  meter.noteResult(Stream::kStereo, 2, now);
+  meter.noteResult(Stream::kImu, 2, now);
+  meter.noteResult(Stream::kImu, 1, now); // overtaken
+  meter.noteResult(Stream::kImu, 7, now); // never arrived
   const auto summary = meter.take();
   EXPECT_EQ(2U, summary.results);
-  EXPECT_NEAR(0.3, summary.max_s, 0.05);
+  EXPECT_DOUBLE_EQ(0.3, summary.max_s);
   EXPECT_EQ(0U, meter.take().results);
 }
 

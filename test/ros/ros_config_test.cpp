@@ -11,7 +11,9 @@
 namespace vi_ekf_slam {
 namespace {
 
-std::string errorOf(const std::string& yaml) {
+/// Of a text, or of a document.
+template <typename Yaml>
+std::string errorOf(const Yaml& yaml) {
   try {
     parseFullConfig(yaml, "file.yaml");
   } catch (const ConfigError& e) {
@@ -23,7 +25,7 @@ std::string errorOf(const std::string& yaml) {
 bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 TEST(RosConfig, absent_section_means_defaults) {
-  const RosConfig c = parseRosConfig("", "file.yaml");
+  const RosConfig c = parseFullConfig("", "file.yaml").ros;
   EXPECT_EQ("map", c.map_frame);
   EXPECT_TRUE(c.publish_tf);
   EXPECT_FALSE(c.single_tf);
@@ -87,7 +89,7 @@ TEST(ToYaml, parses_to_the_same_values) {
   tree["ros"]["odom_frame"] = "a: #b\n---\n{";
   tree["ros"]["base_frame"] = "";
   tree["map"]["max_landmarks"] = "1000";
-  const auto c = parseFullConfig(YAML::Dump(toYaml(tree)), "parameters");
+  const auto c = parseFullConfig(toYaml(tree), "parameters");
   EXPECT_EQ(1.0, c.core.paper.motion_noise[0]);
   EXPECT_EQ(0.1, c.core.paper.motion_noise[5]);
   EXPECT_EQ(5e9, c.core.paper.pixel_noise);
@@ -100,15 +102,29 @@ TEST(ToYaml, parses_to_the_same_values) {
   EXPECT_EQ(1000U, c.core.invariant.map.max_landmarks);
 }
 
+/// As of a file: where, which key, what it is, and what it may be.
+TEST(ToYaml, an_error_names_all_that_is_to_be_known) {
+  XmlRpc::XmlRpcValue tree;
+  tree["invariant"]["gate"] = -1.5;
+  EXPECT_EQ(errorOf(toYaml(tree)), errorOf(std::string("invariant: {gate: -1.5}")));
+  for (const char* part : {"file.yaml", "invariant.gate", "'-1.5'", "it must be a finite number > 0"})
+    EXPECT_TRUE(has(errorOf(toYaml(tree)), part)) << errorOf(toYaml(tree));
+  tree["invariant"]["gate"] = 20.0;
+  tree["ros"]["map_fram"] = "map";
+  EXPECT_TRUE(has(errorOf(toYaml(tree)), "ros.map_fram: unknown key")) << errorOf(toYaml(tree));
+  tree["ros"] = 3;
+  EXPECT_TRUE(has(errorOf(toYaml(tree)), "ros: '3' is not allowed")) << errorOf(toYaml(tree));
+}
+
 TEST(ToYaml, does_not_hide_a_wrong_type) {
   XmlRpc::XmlRpcValue tree;
   tree["ros"]["publish_tf"] = "yes please";
-  EXPECT_THROW(parseFullConfig(YAML::Dump(toYaml(tree)), "parameters"), ConfigError);
+  EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
   tree["ros"]["publish_tf"] = true;
   for (const XmlRpc::XmlRpcValue& wrong : {XmlRpc::XmlRpcValue(true), XmlRpc::XmlRpcValue(std::nan("")),
                                            XmlRpc::XmlRpcValue(HUGE_VAL), XmlRpc::XmlRpcValue("")}) {
     tree["paper"]["pixel_noise"] = wrong;
-    EXPECT_THROW(parseFullConfig(YAML::Dump(toYaml(tree)), "parameters"), ConfigError);
+    EXPECT_THROW(parseFullConfig(toYaml(tree), "parameters"), ConfigError);
   }
 }
 

@@ -48,11 +48,6 @@ struct FrontEndConfig {
 inline const char* const kRosSection = "ros";
 inline const char* const kFrontEndSection = "front_end";
 
-/// Reads the `ros:` section, as strictly as parseConfig reads the others.
-RosConfig parseRosConfig(const std::string& yaml, const std::string& source);
-/// The same of the `front_end:` section.
-FrontEndConfig parseFrontEndConfig(const std::string& yaml, const std::string& source);
-
 struct FullConfig {
   Config core;
   RosConfig ros;
@@ -62,6 +57,9 @@ struct FullConfig {
 /// Whether a configuration may have this at its top level. What else lies beside it among a node's parameters
 /// is somebody else's.
 bool isConfigurationKey(const std::string& name);
+/// All of one YAML document, the sections `ros:` and `front_end:` as strictly as parseConfig reads the
+/// others. Throws ConfigError.
+FullConfig parseFullConfig(const YAML::Node& document, const std::string& source);
 /// All of one YAML text. Throws ConfigError.
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source);
 /// All of one YAML file. Throws ConfigError.

@@ -138,10 +138,10 @@ void readStudies(YamlSection section, InvariantConfig& invariant) {
 
 } // namespace
 
-Config parseConfig(const std::string& yaml, const std::string& source,
+Config parseConfig(const YAML::Node& document, const std::string& source,
                    const std::vector<std::string>& other_sections) {
   Config config;
-  YamlSection root = YamlSection::root(yaml, source);
+  YamlSection root = YamlSection::root(document, source);
   root.readChoice<EstimatorType>("estimator",
                                  {{"invariant", EstimatorType::kInvariant}, {"paper", EstimatorType::kPaper}},
                                  config.estimator);
@@ -162,6 +162,11 @@ Config parseConfig(const std::string& yaml, const std::string& source,
   for (const auto& section : other_sections) root.allow(section);
   root.finish();
   return config;
+}
+
+Config parseConfig(const std::string& yaml, const std::string& source,
+                   const std::vector<std::string>& other_sections) {
+  return parseConfig(parseYaml(yaml, source), source, other_sections);
 }
 
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {

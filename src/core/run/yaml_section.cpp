@@ -87,6 +87,20 @@ std::string readYamlFile(const std::string& path) {
   return text;
 }
 
+YAML::Node parseYaml(const std::string& yaml, const std::string& source) {
+  if (mayNestDeeply(yaml)) {
+    throw ConfigError(source + ": not readable as YAML: an indentation of more than " +
+                      std::to_string(kMaxNesting) +
+                      " characters or more than as many '[' and '{' are not allowed");
+  }
+  try {
+    expectOneDocument(yaml, source);
+    return YAML::Load(yaml);
+  } catch (const YAML::Exception& error) {
+    throw ConfigError(source + ": not readable as YAML: " + error.what());
+  }
+}
+
 std::string Range::text() const {
   std::ostringstream text;
   text << "a finite number " << (low_open ? "> " : ">= ") << low;
@@ -108,20 +122,6 @@ YamlSection::YamlSection(const YAML::Node& node, std::string path, std::string s
     if (!entry.first.IsScalar()) throw ConfigError(source_ + ": " + path_ + ": a key is not a plain name");
     if (!seen.insert(entry.first.Scalar()).second)
       throw ConfigError(source_ + ": " + path_ + entry.first.Scalar() + ": given twice; once is allowed");
-  }
-}
-
-YamlSection YamlSection::root(const std::string& yaml, const std::string& source) {
-  if (mayNestDeeply(yaml)) {
-    throw ConfigError(source + ": not readable as YAML: an indentation of more than " +
-                      std::to_string(kMaxNesting) +
-                      " characters or more than as many '[' and '{' are not allowed");
-  }
-  try {
-    expectOneDocument(yaml, source);
-    return {YAML::Load(yaml), "", source};
-  } catch (const YAML::Exception& error) {
-    throw ConfigError(source + ": not readable as YAML: " + error.what());
   }
 }
 

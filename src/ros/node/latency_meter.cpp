@@ -10,11 +10,12 @@ void LatencyMeter::noteArrival(Stream stream, Stamp stamp, WorkQueue::Clock::tim
   if (waiting.size() > kMaxWaiting) waiting.erase(waiting.begin());
 }
 
-void LatencyMeter::noteResult(Stream stream, Stamp stamp) {
+void LatencyMeter::noteResult(Stream stream, Stamp stamp, WorkQueue::Clock::time_point now) {
   auto& waiting = waiting_[static_cast<std::size_t>(stream)];
   const auto found = waiting.find(stamp);
   if (found == waiting.end()) return;
-  if (latencies_.size() < kMaxWaiting) latencies_.push_back(secondsSince(found->second));
+  if (latencies_.size() < kMaxWaiting)
+    latencies_.push_back(std::chrono::duration<double>(now - found->second).count());
   waiting.erase(waiting.begin(), std::next(found));
 }
 

@@ -48,7 +48,7 @@ FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<s
     }
     warnOfForeign(private_nh, not_configuration, known);
   }
-  return parseFullConfig(YAML::Dump(configuration), "parameters of " + private_nh.getNamespace());
+  return parseFullConfig(configuration, "parameters of " + private_nh.getNamespace());
 }
 
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {

@@ -10,7 +10,7 @@ bool WorkQueue::push(std::function<void()> work, std::optional<Stream> stream) {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (closed_) return false;
     if (items_.size() >= options_.max_size) makeRoom();
-    items_.push_back({std::move(work), stream, Clock::now()});
+    items_.push_back({std::move(work), stream, options_.now()});
     if (isFrame(items_.back())) ++frames_;
   }
   arrived_.notify_one();
@@ -31,8 +31,8 @@ void WorkQueue::makeRoom() {
 
 void WorkQueue::shedOld() {
   while (options_.max_latency_s > 0.0 && frames_ > 1 && isFrame(items_.front()) &&
-         secondsSince(items_.front().arrival) > options_.max_latency_s && last_frame_ &&
-         secondsSince(*last_frame_) < options_.max_latency_s) {
+         age(items_.front().arrival) > options_.max_latency_s && last_frame_ &&
+         age(*last_frame_) < options_.max_latency_s) {
     items_.pop_front();
     --frames_;
     ++counts_.frames_shed;
@@ -49,8 +49,8 @@ std::optional<WorkQueue::Item> WorkQueue::pop(double wait_s) {
   items_.pop_front();
   if (isFrame(item)) {
     --frames_;
-    last_frame_ = Clock::now();
-    load_.noteFrame(secondsSince(item.arrival));
+    last_frame_ = options_.now();
+    load_.noteFrame(age(item.arrival));
   }
   return item;
 }

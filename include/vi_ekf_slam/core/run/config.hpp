@@ -9,6 +9,10 @@
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
+namespace YAML {
+class Node;
+}
+
 namespace vi_ekf_slam {
 
 /// A configuration that cannot be used. what() names the file, the key, the value and what is allowed.
@@ -48,8 +52,12 @@ struct Config {
   PaperConfig paper;
 };
 
-/// Reads YAML text and checks every value. Unknown keys are errors, except the top-level `other_sections`,
-/// which belong to somebody else (the node's frames and topics). `source` is the file named in messages.
+/// Reads a YAML document and checks every value. Unknown keys are errors, except the top-level
+/// `other_sections`, which belong to somebody else (the node's frames and topics). `source` is the file named
+/// in messages.
+Config parseConfig(const YAML::Node& document, const std::string& source,
+                   const std::vector<std::string>& other_sections = {});
+/// parseConfig of a text.
 Config parseConfig(const std::string& yaml, const std::string& source,
                    const std::vector<std::string>& other_sections = {});
 

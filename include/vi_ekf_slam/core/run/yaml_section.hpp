@@ -16,6 +16,9 @@ namespace vi_ekf_slam {
 
 /// The text of a file of at most 1 MiB, far above any configuration. Throws ConfigError.
 std::string readYamlFile(const std::string& path);
+/// The one document of a text. Throws ConfigError where it is none, or nests so deeply that yaml-cpp would
+/// overflow the stack.
+YAML::Node parseYaml(const std::string& yaml, const std::string& source);
 
 /// What a number may be; `text` says so in an error message.
 struct Range {
@@ -37,7 +40,12 @@ struct Range {
 class YamlSection {
  public:
   /// The document's root; an empty document is an empty mapping.
-  static YamlSection root(const std::string& yaml, const std::string& source);
+  static YamlSection root(const YAML::Node& document, const std::string& source) {
+    return {document, "", source};
+  }
+  static YamlSection root(const std::string& yaml, const std::string& source) {
+    return root(parseYaml(yaml, source), source);
+  }
 
   bool has(const std::string& key) { return static_cast<bool>(find(key)); }
   /// s since the epoch, exact to the nanosecond; required.

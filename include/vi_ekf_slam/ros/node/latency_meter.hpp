@@ -17,7 +17,7 @@ class LatencyMeter {
   };
 
   void noteArrival(Stream stream, Stamp stamp, WorkQueue::Clock::time_point arrival);
-  void noteResult(Stream stream, Stamp stamp);
+  void noteResult(Stream stream, Stamp stamp, WorkQueue::Clock::time_point now = WorkQueue::Clock::now());
   /// Time went back or began anew.
   void restart();
   /// Since the last call.

@@ -29,12 +29,13 @@ class WorkQueue {
     double max_latency_s = 0.0; ///< s of wall time; 0: nothing is shed
     std::size_t max_size = 100000;
     std::size_t max_features = 400; ///< of a frame
+    std::function<Clock::time_point()> now = Clock::now;
   };
 
   struct Item {
     std::function<void()> work;
     std::optional<Stream> stream; ///< nothing: neither counted nor dropped
-    Clock::time_point arrival = Clock::now();
+    Clock::time_point arrival;
   };
 
   struct Counts {
@@ -61,6 +62,10 @@ class WorkQueue {
 
  private:
   static bool isFrame(const Item& item) { return item.stream == Stream::kStereo; }
+  /// s since `then`.
+  double age(Clock::time_point then) const {
+    return std::chrono::duration<double>(options_.now() - then).count();
+  }
   void makeRoom();
   void shedOld();
 

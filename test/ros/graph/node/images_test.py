@@ -131,10 +131,9 @@ class Images(LaunchRunner):
         self.play(calm)
         self.assertTrue(wait_for(lambda: self.features))
         frames = [m for m in self.drive if m[0] in ("left/image", "right/image")]
-        for topic, message in self.drive:  # all gyro samples first, so that no pair waits
+        for topic, message in self.drive:  # all gyro samples first; pairs that come before them wait, and are shed too
             if topic == "imu":
                 self.publishers[topic].publish(message)
-        time.sleep(0.5)
         sent = [m for m in frames if m[1].header.stamp > calm[-1][1].header.stamp]
         self.play(sent, pause=0.0)
         last = sent[-1][1].header.stamp
@@ -144,7 +143,7 @@ class Images(LaunchRunner):
             int(self.counts("dropped").get(reason, 0)) for reason in reasons) == FRAMES),
                         (self.counts("images"), self.counts("dropped")))
         self.assertGreater(int(self.counts("dropped")[reasons[0]]), 0)
-        self.assertEqual(len(self.features), int(self.counts("images")["pairs"]))
+        self.assertTrue(wait_for(lambda: len(self.features) == int(self.counts("images")["pairs"])))
 
     def test_a_silent_camera_and_images_of_no_use_are_named(self):
         """One camera silent; black pictures; then all is well again."""
