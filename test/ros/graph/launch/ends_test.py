@@ -80,7 +80,9 @@ class Ends(LaunchRunner):
         """What else was launched runs on."""
         process = self.start("config:=" + self.config, "record:=true", own_master=True)
         recorder = self.child(process, "record_outputs.py")
-        os.kill(self.child(process, "slam_node"), signal.SIGTERM)
+        node = self.child(process, "slam_node")
+        self.assertTrue(wait_for(lambda: self.catches(node, signal.SIGTERM)))  # before that it would be killed
+        os.kill(node, signal.SIGTERM)
         said = self.read_until(process, "process has finished cleanly")
         self.assertEqual(recorder, self.child(process, "record_outputs.py"))
         said += self.stop(process)
@@ -103,6 +105,13 @@ class Ends(LaunchRunner):
         said = self.finish(process)
         self.assertIn("REQUIRED process [play_bag", said)
         self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))
+
+    @staticmethod
+    def catches(pid, number):
+        """Whether the process has a handler for this signal."""
+        with open("/proc/%d/status" % pid, encoding="ascii", errors="replace") as file:
+            caught = next(line for line in file if line.startswith("SigCgt:"))
+        return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
 
     @staticmethod
     def is_child(pid, parent):
