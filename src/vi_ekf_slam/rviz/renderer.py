@@ -29,7 +29,7 @@ OCTREE = 2  # Image.FASTOCTREE in old versions of Pillow, Image.Quantize.FASTOCT
 ANIMATION_FRAMES, ANIMATION_STEP_MS = 60, 100
 PLAYER_DELAY_S = 1.0  # between the advertising of topics and their first message, so that rviz is connected
 SLACK_S = 60.0  # for the start of programs, beyond the time that playing takes
-SETTLE_S, SETTLE_LIMIT_S = 1.0, 6.0  # after the last message
+SETTLE_S, SETTLE_LIMIT_S = 2.0, 6.0  # after the last message
 
 
 class RvizError(Exception):
