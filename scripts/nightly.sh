@@ -2,8 +2,7 @@
 # What takes too long for every test run:
 #   scripts/nightly.sh fuzz [SECONDS [TARGET ...]]     the fuzz targets (libFuzzer, AddressSanitizer, UBSan), SECONDS each (60)
 #   scripts/nightly.sh sanitize [address|thread ...]   all gtests with AddressSanitizer and UBSan, then with ThreadSanitizer
-#   scripts/nightly.sh soak [FRAMES]                   FRAMES of 10 Hz (864000, a day) through the node's own input path,
-#                                                      after a million of the filter alone
+#   scripts/nightly.sh soak [FRAMES]                   FRAMES of 10 Hz (864000, a day) through the node's own input path
 #   scripts/nightly.sh rigs                            check_rig.py on recorded rigs that are broken afterwards
 #
 # fuzz: targets are estimator, config, messages, bag, map (default: all). What they find new stays in build/fuzz/found/TARGET
@@ -149,9 +148,6 @@ sanitize() {
 soak() {
   "$root/scripts/setup.sh"
   mkdir -p "$build/soak"
-  cmake --build "$build" --target core_endurance_test -j"${JOBS:-$(nproc)}" >"$build/soak/build.log" 2>&1 ||
-    build_failed "$build/soak/build.log" "the tests"
-  VI_EKF_SLAM_ENDURANCE_FRAMES=1000000 "$build/devel/lib/vi_ekf_slam/core_endurance_test"
   exec "$build/devel/lib/vi_ekf_slam/soak" --frames "${1:-864000}" --output "$build/soak"
 }
 

@@ -6,12 +6,13 @@
 namespace vi_ekf_slam {
 namespace {
 
+constexpr std::size_t kMaxArchived = 100000;     // landmarks
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
 constexpr std::size_t kMostOthers = 1000;        // inactive variables that are no landmarks
 
 } // namespace
 
-LandmarkMap::LandmarkMap(const Options& options) : options_(options), archive_(options.max_archived) {}
+LandmarkMap::LandmarkMap(const Options& options) : options_(options), archive_(kMaxArchived) {}
 
 std::unordered_map<FeatureId, std::size_t> LandmarkMap::indexById() const {
   std::unordered_map<FeatureId, std::size_t> index(active_.size());

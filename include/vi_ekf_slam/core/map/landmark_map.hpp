@@ -43,7 +43,6 @@ class LandmarkMap {
     /// Inactive in the joint covariance; beyond it those that were tracked the longest time ago are
     /// marginalised, and their last estimates stay in the map.
     std::size_t max_landmarks = 2000;
-    std::size_t max_archived = 100000; ///< last estimates, of those that left the latest
   };
 
   explicit LandmarkMap(const Options& options);
