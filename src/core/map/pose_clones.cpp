@@ -18,14 +18,13 @@ constexpr double kLearnt = 0.001;
 constexpr std::size_t kMostArchived = 20000; // beyond it every second one is dropped
 constexpr std::size_t kMostLoops = 10000;    // the last ones
 
-Eigen::Vector3d attitudeOf(const Filter& filter) { return filter.covariance().diagonal().segment<3>(3); }
-
 } // namespace
 
 void PoseClones::add(Filter& filter, Stamp now) {
   if (follows_ && !clones_.empty()) {
     const SE3 since = clones_.back().node.after.inverse() * filter.pose();
-    const double learnt = (clones_.back().attitude - attitudeOf(filter)).maxCoeff();
+    const Matrix6d fallen = clones_.back().node.covariance - filter.covariance().topLeftCorner<6, 6>();
+    const double learnt = fallen.diagonal().tail<3>().maxCoeff();
     if (since.translation().norm() < kBetweenClones && so3::Log(since.rotation()).norm() < kTurnBetween &&
         learnt < kLearnt * kLearnt)
       return;
@@ -33,13 +32,19 @@ void PoseClones::add(Filter& filter, Stamp now) {
   append(filter, now);
 }
 
-void PoseClones::append(Filter& filter, Stamp now) {
+PathNode PoseClones::nodeOf(const Filter& filter, Stamp now) const {
   PathNode node;
   node.stamp = now;
   node.before = node.after = node.now = filter.pose();
+  node.covariance = filter.covariance().topLeftCorner<6, 6>();
   node.follows = follows_;
+  return node;
+}
+
+void PoseClones::append(Filter& filter, Stamp now) {
+  const PathNode node = nodeOf(filter, now);
   follows_ = true;
-  clones_.push_back({filter.clonePose(), node, filter.pose().rotation(), attitudeOf(filter)});
+  clones_.push_back({filter.clonePose(), node, filter.pose().rotation()});
 }
 
 /// Means of a clone are its position, and how it was turned since.
@@ -112,12 +117,7 @@ PathEstimate PoseClones::estimate(const Filter& filter, const std::vector<Inacti
   PathEstimate path{archive_, loops_};
   for (const Clone& clone : clones_) path.nodes.push_back(moved(clone, *by_handle.at(clone.variable)));
   if (!path.nodes.empty() && path.nodes.back().stamp == now) return path;
-  PathNode node;
-  node.stamp = now;
-  node.before = node.after = node.now = filter.pose();
-  node.covariance = filter.covariance().topLeftCorner<6, 6>();
-  node.follows = follows_;
-  path.nodes.push_back(node);
+  path.nodes.push_back(nodeOf(filter, now));
   return path;
 }
 

@@ -190,7 +190,7 @@ bool SlamSystem::needsRig() const {
   return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
 }
 
-/// For the calibration, and for the first messages of the IMU that says how the body moves.
+/// For the calibration, and for the first messages of the IMU, which say how the body moves.
 bool SlamSystem::waits() const {
   if (!first_stamp_ || !buffer_.newest()) return false;
   const double held = secondsBetween(*first_stamp_, *buffer_.newest());

@@ -38,9 +38,9 @@ class PoseClones {
     Handle variable;
     PathNode node;            ///< as of then
     Eigen::Matrix3d rotation; ///< from which the variable's mean turns
-    Eigen::Vector3d attitude; ///< rad^2, variance then
   };
 
+  PathNode nodeOf(const Filter& filter, Stamp now) const;
   void append(Filter& filter, Stamp now);
   static PathNode moved(const Clone& clone, const InactiveStore::Estimate& estimate);
 
