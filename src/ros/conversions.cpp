@@ -127,7 +127,7 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
   std::unordered_set<FeatureId> seen(message.features.size());
   for (const StereoFeature& f : message.features) {
     if (!seen.insert(f.id).second) continue;
-    frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right), f.sigma});
+    frame.features.push_back({f.id, StereoPixels(f.u_left, f.v_left, f.u_right, f.v_right), f.sigma, f.walk});
     Descriptor descriptor;
     if (f.descriptor.size() != descriptor.size()) continue; // another front end's of another kind
     std::copy(f.descriptor.begin(), f.descriptor.end(), descriptor.begin());
@@ -150,6 +150,7 @@ StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_f
     feature.u_right = f.pixels[2];
     feature.v_right = f.pixels[3];
     feature.sigma = static_cast<float>(f.sigma);
+    feature.walk = static_cast<float>(f.walk);
     if (f.descriptor) feature.descriptor.assign(f.descriptor->begin(), f.descriptor->end());
     message.features.push_back(std::move(feature));
   }

@@ -52,7 +52,7 @@ FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
   result.frame.stamp = stamp;
   result.stale = stale;
   for (const Track& track : tracks_) {
-    result.frame.features.push_back({track.id, track.pixels});
+    result.frame.features.push_back({track.id, track.pixels, 0.0, options_.track_walk});
     if (options_.descriptors) {
       result.frame.features.back().descriptor =
           appearance_.describe(track.look, track.truth.world - world_T_cam.translation());

@@ -130,6 +130,7 @@ StereoFeatureArray toMessage(const StereoFrame& frame) {
     f.u_right = feature.pixels[2];
     f.v_right = feature.pixels[3];
     f.sigma = static_cast<float>(feature.sigma);
+    f.walk = static_cast<float>(feature.walk);
     message.features.push_back(f);
   }
   return message;

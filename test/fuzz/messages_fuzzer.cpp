@@ -86,7 +86,10 @@ StereoFeatureArray chooseFeatures(FuzzBytes& bytes, ros::Time& now) {
     f.v_left = bytes.number(100.0);
     f.u_right = f.u_left - bytes.number(5.0 + bytes.small(4.0));
     f.v_right = f.v_left + bytes.small(1.0);
-    if (bytes.below(4) == 3) f.sigma = static_cast<float>(bytes.number(1.0));
+    if (bytes.below(4) == 3) {
+      f.sigma = static_cast<float>(bytes.number(1.0));
+      f.walk = static_cast<float>(bytes.number(0.3));
+    }
     if (bytes.below(16) != 0) ++id;
   }
   return m;

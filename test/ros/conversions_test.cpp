@@ -152,6 +152,27 @@ TEST(ToFrame, keeps_pixels_in_the_order_left_right) {
   EXPECT_EQ(StereoPixels(10.0, 20.0, 5.0, 21.0), c.sample->features[1].pixels);
 }
 
+TEST(ToFrame, keeps_what_a_message_made_of_a_frame_holds) {
+  StereoFrame frame;
+  frame.stamp = 5000000000;
+  Descriptor descriptor;
+  descriptor.fill(7);
+  frame.features.push_back({7, StereoPixels(10.5, 20.0, 5.0, 21.0), 0.5, 0.25, descriptor});
+  frame.features.push_back({8, StereoPixels(11.5, 21.0, 6.0, 22.0)});
+  const auto again = toFrame(toMessage(frame, "left"), "left");
+  ASSERT_TRUE(again.sample);
+  EXPECT_EQ(again.sample->stamp, frame.stamp);
+  ASSERT_EQ(again.sample->features.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const StereoFeatureObservation &expected = frame.features[i], &feature = again.sample->features[i];
+    EXPECT_EQ(feature.id, expected.id);
+    EXPECT_EQ(feature.pixels, expected.pixels);
+    EXPECT_EQ(feature.sigma, expected.sigma);
+    EXPECT_EQ(feature.walk, expected.walk);
+    EXPECT_EQ(feature.descriptor, expected.descriptor);
+  }
+}
+
 TEST(ToFrame, keeps_the_first_of_repeated_ids_and_counts_the_rest) {
   auto m = features();
   m.features[2].id = m.features[1].id;

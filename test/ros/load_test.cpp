@@ -193,6 +193,18 @@ TEST(Screen, removes_what_is_unusable_one_by_one_and_counts_the_reasons) {
   EXPECT_EQ((std::vector<FeatureId>{0, 6, 9}), ids);
 }
 
+TEST(Screen, removes_a_noise_and_a_walk_that_are_none) {
+  const double nan = std::nan("");
+  StereoFrame frame = frameOf(std::vector<StereoPixels>(5, {100, 50, 90, 50}));
+  frame.features[0].sigma = frame.features[1].walk = nan;
+  frame.features[2].sigma = frame.features[3].walk = -0.1;
+  const ScreenCounts counts = screenFeatures(frame, ImageSize{640, 480}, 1000);
+  EXPECT_EQ(2U, counts.not_finite);
+  EXPECT_EQ(2U, counts.absurd);
+  ASSERT_EQ(1U, frame.features.size());
+  EXPECT_EQ(4U, frame.features[0].id);
+}
+
 TEST(Screen, knows_no_outside_without_the_size_of_the_image) {
   StereoFrame frame = frameOf({{7000, 50, 690, 50}, {2e6, 50, 90, 50}});
   const ScreenCounts counts = screenFeatures(frame, std::nullopt, 1000);

@@ -6,6 +6,7 @@
 #include <sensor_msgs/Image.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -38,8 +39,8 @@ void requireArrays(ros::serialization::IStream /*stream*/, const Message* /*type
 inline void requireArrays(ros::serialization::IStream stream, const StereoFeatureArray* /*type*/) {
   std_msgs::Header header;
   stream.next(header);
-  for (std::uint32_t left = requireArray(stream, 48); left > 0; --left) {
-    stream.advance(44); // up to the descriptor
+  for (std::uint32_t left = requireArray(stream, 52); left > 0; --left) {
+    stream.advance(48); // up to the descriptor
     stream.advance(requireArray(stream, 1));
   }
 }
@@ -118,16 +119,22 @@ Message read(const std::uint8_t* bytes, std::uint32_t size) {
   return message;
 }
 
-/// Features of bags from before these had a noise and a descriptor: five numbers each.
+// Features of older bags: five numbers each, then with a noise and a descriptor too.
 inline constexpr const char* kPlainFeatures = "486a1fc9866e2e69fc963c27cc889935";
-inline StereoFeatureArray readPlainFeatures(const std::uint8_t* bytes, std::uint32_t size) {
+inline constexpr const char* kFeaturesWithoutWalk = "c13b47c592ae267c90192a45c6eb5f29";
+inline StereoFeatureArray readOlderFeatures(const std::uint8_t* bytes, std::uint32_t size, bool is_plain) {
   ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes), size);
   StereoFeatureArray message;
   stream.next(message.header);
-  message.features.resize(requireArray(stream, 40));
+  message.features.resize(requireArray(stream, is_plain ? 40 : 48));
   for (StereoFeature& f : message.features) {
     stream.next(f.id);
     for (double* pixel : {&f.u_left, &f.v_left, &f.u_right, &f.v_right}) stream.next(*pixel);
+    if (is_plain) continue;
+    stream.next(f.sigma);
+    f.descriptor.resize(requireArray(stream, 1));
+    if (!f.descriptor.empty())
+      std::copy_n(stream.advance(f.descriptor.size()), f.descriptor.size(), f.descriptor.begin());
   }
   return message;
 }
@@ -137,7 +144,9 @@ inline StereoFeatureArray readPlainFeatures(const std::uint8_t* bytes, std::uint
 template <typename Message>
 Message read(const BagMessage& message) {
   if constexpr (std::is_same_v<Message, StereoFeatureArray>) {
-    if (message.connection.md5 == kPlainFeatures) return readPlainFeatures(message.data, message.size);
+    const bool is_plain = message.connection.md5 == kPlainFeatures;
+    if (is_plain || message.connection.md5 == kFeaturesWithoutWalk)
+      return readOlderFeatures(message.data, message.size, is_plain);
   }
   if (message.connection.md5 != ros::message_traits::md5sum<Message>()) {
     throw BagError(message.connection.topic + ": the bag's definition of " + message.connection.type +

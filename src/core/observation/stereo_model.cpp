@@ -86,6 +86,16 @@ Eigen::Matrix3d StereoModel::noise(double sigma) const {
   return Eigen::Vector3d(variance, 0.5 * variance, variance).asDiagonal();
 }
 
+Eigen::Matrix3d StereoModel::slideNoise(const Filter& filter, Handle landmark, double sigma) const {
+  const SE3 cam_T_world = camTWorld(filter);
+  const StereoCamera camera = variables_.camera(filter, rig_.camera);
+  const double sigma_at_depth = sigma * (cam_T_world * filter.variables().point(landmark)).z();
+  const Eigen::Vector3d variances(std::pow(sigma_at_depth / camera.fu, 2),
+                                  std::pow(sigma_at_depth / camera.fv, 2), 0.0);
+  const Eigen::Matrix3d cam_R_world = cam_T_world.rotation();
+  return cam_R_world.transpose() * variances.asDiagonal() * cam_R_world;
+}
+
 /// What is corrected is q = R way + t as the pair sees it, R being cam_R_world, whose error is that of y and,
 /// with Q = dq/dr, that of the calibration r: R y + Q r. With R', t' and Q' of the corrected calibration and
 /// point, and k by what its baseline grew, y <- R'^T (k M (R y + Q r) - Q' r).

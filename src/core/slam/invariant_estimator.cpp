@@ -7,6 +7,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
+#include "vi_ekf_slam/core/tracking/track_walk.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -175,6 +176,8 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.invalid = usable.invalid;
   closures_.expect(filter_, map_, *model_, frame, usable.features);
   Associations seen = associate(filter_, map_, *model_, frame, usable.features);
+  if (last_frame_)
+    letTracksWalk(filter_, map_, *model_, frame, seen.known, secondsBetween(last_frame_->stamp, frame.stamp));
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
   report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));

@@ -44,9 +44,9 @@ ScreenCounts screenFeatures(StereoFrame& frame, const std::optional<ImageSize>& 
   const auto unusable = [&](const StereoFeatureObservation& feature) {
     const StereoPixels& z = feature.pixels;
     std::size_t* reason = nullptr;
-    if (!z.allFinite() || !std::isfinite(feature.sigma)) {
+    if (!z.allFinite() || !std::isfinite(feature.sigma) || !std::isfinite(feature.walk)) {
       reason = &counts.not_finite;
-    } else if (z.cwiseAbs().maxCoeff() > kMaxPixel || feature.sigma < 0.0 ||
+    } else if (z.cwiseAbs().maxCoeff() > kMaxPixel || feature.sigma < 0.0 || feature.walk < 0.0 ||
                (image && z[0] - z[2] >= image->width)) {
       reason = &counts.absurd;
     } else if (image && !isInside(z, *image)) {

@@ -91,7 +91,7 @@ def twist_bias(stamp, velocity_sigma, gyro_sigma):
 def stereo_features(stamp, ids, pixels, seq=0, sigmas=None):
     """Features of one frame. ids: (N,) integers; pixels: (4, N) uL vL uR vR; sigmas: (N,) px, or None: not known."""
     sigmas = [0.0] * len(ids) if sigmas is None else sigmas
-    features = [StereoFeature(int(i), *column, sigma, b"") for i, column, sigma in zip(ids, pixels.T.tolist(), sigmas)]
+    features = [StereoFeature(int(i), *column, sigma, 0.0, b"") for i, column, sigma in zip(ids, pixels.T.tolist(), sigmas)]
     return StereoFeatureArray(header=header(stamp, LEFT_FRAME, seq), features=features)
 
 

@@ -154,7 +154,7 @@ class Traffic:
         message = StereoFeatureArray()
         message.header.stamp, message.header.frame_id = stamp, LEFT
         ids, pixels = self.street.observe(elapsed)
-        message.features = [StereoFeature(i, *z, 0.0, b"") for i, z in zip(ids.tolist(), pixels.tolist())]
+        message.features = [StereoFeature(i, *z, 0.0, 0.0, b"") for i, z in zip(ids.tolist(), pixels.tolist())]
         self.sent_at[stamp.to_nsec()] = time.monotonic()
         self.frames.publish(message)
         self.frame_stamps.add(stamp.to_nsec())

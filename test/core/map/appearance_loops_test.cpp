@@ -27,7 +27,7 @@ struct Expected {
   FeatureId seenAt(const Eigen::Vector3d& offset) {
     const StereoRig rig = exampleRig();
     const StereoModel model(rig, {});
-    const StereoFrame frame{2, {{9, rig.camera.project(rig.cam_T_imu * (at + offset)), kSigma, look}}, 0.0};
+    const StereoFrame frame{2, {{9, rig.camera.project(rig.cam_T_imu * (at + offset)), kSigma, 0.0, look}}, 0.0};
     filter.settle();
     AppearanceLoops::claim(filter, map, model, frame, {0});
     return map.active().front().id;

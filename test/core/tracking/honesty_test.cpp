@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "../slam/road.hpp"
+#include "vi_ekf_slam/core/tracking/track_walk.hpp"
 #include "view.hpp"
 
 namespace vi_ekf_slam {
@@ -58,8 +59,9 @@ class Truths {
     root_ = P.llt().matrixL();
   }
 
-  /// p = p^ + dp, R = Exp(theta) R^, x - p = Exp(theta) (x^ - p^ + y).
-  StereoFrame frame() {
+  /// p = p^ + dp, R = Exp(theta) R^, x - p = Exp(theta) (x^ - p^ + y). Each track has walked for a tenth of a
+  /// second (px/s^0.5).
+  StereoFrame frame(double walk = 0.0) {
     const Filter& filter = view_.filter;
     const Eigen::VectorXd error = root_ * normal(root_.rows());
     const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
@@ -70,7 +72,8 @@ class Truths {
       const Eigen::Vector3d y = error.segment<3>(filter.rowOf(l.variable));
       const Eigen::Vector3d x = p + turn * (filter.variables().point(l.variable) - before + y);
       // Of the four coordinates, whose mean of both rows has half the variance.
-      const Eigen::VectorXd noise = std::sqrt(view_.model.noise()(0, 0)) * normal(4);
+      Eigen::VectorXd noise = std::sqrt(view_.model.noise()(0, 0)) * normal(4);
+      if (walk > 0.0) noise += walk * std::sqrt(0.1) * normal(2).replicate<2, 1>();
       const StereoRig& rig = view_.model.rig();
       frame.features.push_back({l.id, rig.camera.project(rig.cam_T_imu * pose.inverse() * x) + noise});
     }
@@ -107,6 +110,30 @@ TEST(FrameUpdate, ReportsAnNisOfMeanOneForWhatFollowsTheModel) {
     EXPECT_NEAR(nis / dof, 1.0, 0.06) << consensus; // the landmarks of a frame share the pose's error
     EXPECT_NEAR(capped / 7200.0, 1.0, 0.06) << consensus;
   }
+}
+
+TEST(FrameUpdate, ReportsAnNisOfMeanOneForTracksThatWalkAsTheyState) {
+  constexpr double kWalk = 3.0; // px/s^0.5
+  const auto nisOf = [&](bool is_stated) {
+    FrameUpdate::Options options;
+    options.consensus = false;
+    options.gate = options.plausible_gate = options.frame_gate = options.motion_gate = 1e9;
+    double nis = 0.0;
+    for (unsigned run = 0; run < 200; ++run) {
+      View view(0.3, run, 12);
+      StereoFrame frame = Truths(view, 1000 + run).frame(kWalk);
+      std::vector<Association> seen;
+      for (std::size_t i = 0; i < frame.features.size(); ++i) {
+        frame.features[i].walk = is_stated ? kWalk : 0.0;
+        seen.push_back({i, i});
+      }
+      letTracksWalk(view.filter, view.map, view.model, frame, seen, 0.1);
+      nis += view.apply(options, frame).nis / 7200.0;
+    }
+    return nis;
+  };
+  EXPECT_NEAR(nisOf(true), 1.0, 0.06);
+  EXPECT_GT(nisOf(false), 1.3);
 }
 
 TEST(FrameUpdate, LeavesImplausibleObservationsOutOfTheNisAndCountsThemAsJustPlausibleInTheOther) {

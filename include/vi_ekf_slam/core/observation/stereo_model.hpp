@@ -60,6 +60,10 @@ class StereoModel {
   /// 3x3 of (u_left, v, u_right), px^2.
   Eigen::Matrix3d noise(double sigma = 0.0) const;
 
+  /// Of y of a landmark, along the world axes (m^2), whose track has slid by `sigma` px along rows and
+  /// columns, alike in both images: at the same depth.
+  Eigen::Matrix3d slideNoise(const Filter& filter, Handle landmark, double sigma) const;
+
   /// Corrects points before the camera in (x/z, y/z, 1/z), where pixels are linear, and re-expresses the
   /// error so that its covariance in these coordinates is unchanged: with straight ones the noise of far
   /// points' depth turns into an error of scale. Of the state before the correction, whose `error` it is;

@@ -47,6 +47,9 @@ struct StereoFeatureObservation {
   FeatureId id = 0;
   StereoPixels pixels = StereoPixels::Zero();
   double sigma = 0.0; ///< px, standard deviation of each of the four; 0: as configured
+  /// px/s^0.5, root spectral density of the random walk by which its track slides over what it shows, alike
+  /// in both images.
+  double walk = 0.0;
   std::optional<Descriptor> descriptor = std::nullopt; ///< of the left image
 };
 

@@ -144,10 +144,10 @@ class Faults(DrivePlayer):
         """A frame with bad features among good ones: the good ones are used."""
         frame = drive_data.features(self.at(1.15), 1.15)
         good = len(frame.features)
-        frame.features += [StereoFeature(1000, NAN, 10, 5, 10, 0.0, b""), StereoFeature(1001, 100, INF, 90, 100, 0.0, b""),
-                           StereoFeature(1002, 100, 100, 110, 100, 0.0, b""), StereoFeature(1003, 100, 1e300, 90, 100, 0.0, b""),
-                           StereoFeature(1004, 600, 100, -100, 100, 0.0, b""),
-                           StereoFeature(frame.features[0].id, 100, 100, 90, 100, 0.0, b"")]
+        frame.features += [StereoFeature(1000, NAN, 10, 5, 10, 0.0, 0.0, b""), StereoFeature(1001, 100, INF, 90, 100, 0.0, 0.0, b""),
+                           StereoFeature(1002, 100, 100, 110, 100, 0.0, 0.0, b""), StereoFeature(1003, 100, 1e300, 90, 100, 0.0, 0.0, b""),
+                           StereoFeature(1004, 600, 100, -100, 100, 0.0, 0.0, b""),
+                           StereoFeature(frame.features[0].id, 100, 100, 90, 100, 0.0, 0.0, b"")]
         before = int(self.before.get("features without disparity", 0))
         self.inject([("features", frame)], {"features: pixel not finite": 2, "features: absurd pixel or disparity": 2,
                                             "features: repeated id": 1})
@@ -157,7 +157,7 @@ class Faults(DrivePlayer):
     def test_fifty_thousand_features_and_none(self):
         """A flood is cut to max_features, an empty message is a frame that sees nothing; the node goes on."""
         flood = drive_data.features(self.at(1.13), 1.13)
-        flood.features = [StereoFeature(10000 + i, 20 + i % 600, 10 + i % 460, 10 + i % 600, 10 + i % 460, 0.0, b"")
+        flood.features = [StereoFeature(10000 + i, 20 + i % 600, 10 + i % 460, 10 + i % 600, 10 + i % 460, 0.0, 0.0, b"")
                           for i in range(50000)]
         empty = drive_data.features(self.at(1.16), 1.16)
         empty.features = []

@@ -35,7 +35,7 @@ def read(*path):
 def contents(feature):
     """All that it holds; a bag's messages are of another class."""
     return (feature.id, feature.u_left, feature.v_left, feature.u_right, feature.v_right, feature.sigma,
-            bytes(feature.descriptor))
+            feature.walk, bytes(feature.descriptor))
 
 
 class Images(LaunchRunner):
@@ -105,11 +105,11 @@ class Images(LaunchRunner):
                 self.assertEqual(read(expected, name), read(actual, name), name + said)
 
     def test_node_and_nodelet_send_the_features_of_run_bag_bit_for_bit(self):
-        """Pixels, ids, noise and descriptors."""
+        """Pixels, ids, noise, walk and descriptors."""
         _, expected = self.run_bag()
         self.assertEqual(FRAMES, len(expected))
         self.assertGreater(min(len(message.features) for message in expected), 60)
-        self.assertTrue(all(len(f.descriptor) == 32 and f.sigma > 0.0 for message in expected for f in message.features))
+        self.assertTrue(all(len(f.descriptor) == 32 and f.sigma > 0.0 and f.walk > 0.0 for message in expected for f in message.features))
         patient = {"buffer": {"max_delay_s": 5.0}, "ros": {"max_latency_s": 0.0}}
         for command in ([drive_data.program("stereo_front_end")],
                         [drive_data.program_of("nodelet", "nodelet"), "standalone", "vi_ekf_slam/StereoFrontEndNodelet"]):

@@ -79,7 +79,7 @@ def features(stamp, time, offset=(0.0, 0.0)):
         if ahead < 2.0 or abs(left) > 0.6 * ahead:
             continue
         u, v = CX - FX * left / ahead, CY - FX * up / ahead
-        message.features.append(StereoFeature(track, u, v, u - FX * BASELINE / ahead, v, 0.0, b""))
+        message.features.append(StereoFeature(track, u, v, u - FX * BASELINE / ahead, v, 0.0, 0.0, b""))
     return message
 
 
