@@ -22,6 +22,11 @@ constexpr std::size_t kLittleTexture = 10;     // tracks
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
 // is to be told of all of it (docs/front_end.md).
 constexpr double kLifeSigma = 0.8;
+// px/s^0.5. Measured on drawn streets, 10 Hz, two thirds of the tracks, against the points that they began
+// at: after 1, 2 and 5 pairs a row is off by 0.11, 0.15 and 0.21 px (docs/front_end.md). What strays
+// is taken to be the interpolation between pixels: a track that moves by less than one strays less, and none
+// at rest.
+constexpr double kTrackWalk = 0.3, kWalkingFlow = 1.0;
 // px, what is added of image to image before a track has shown its own, and how many residuals that is worth.
 constexpr double kPriorSigma = 0.25, kPriorWeight = 5.0, kMaxWeight = 20.0;
 
@@ -260,11 +265,15 @@ StereoFrame FrontEnd::features(const Picture& left, Stamp stamp) const {
     const double variance =
         kLifeSigma * kLifeSigma +
         (kPriorWeight * kPriorSigma * kPriorSigma + track.square_sum) / (kPriorWeight + track.weight);
-    const float sigma = static_cast<float>(std::sqrt(variance)); // as a message holds it
+    // As a message holds them.
+    const float sigma = static_cast<float>(std::sqrt(variance));
+    const float walk = static_cast<float>(
+        kTrackWalk * std::min(1.0, cv::norm(track.left - track.left_before) / kWalkingFlow));
     frame.features.push_back(
         {track.id,
          {track.left_rectified.x, track.left_rectified.y, track.right_rectified.x, track.right_rectified.y},
-         static_cast<double>(sigma)});
+         static_cast<double>(sigma),
+         static_cast<double>(walk)});
     points.push_back(track.left);
   }
   const auto descriptors = describePoints(left.image, points);

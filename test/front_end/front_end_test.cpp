@@ -78,6 +78,23 @@ TEST(FrontEnd, follows_points_of_raw_images_to_a_tenth_of_a_rectified_pixel) {
   expectAccurate(follow(distortedCalibration(CameraModel::Distortion::kEquidistant), 30), 30);
 }
 
+TEST(FrontEnd, states_that_tracks_walk_as_they_move_and_not_where_nothing_moves) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  front_end.process(wall.look(poseAt(0), stampAt(0)));
+  const StereoFrame moving = front_end.process(wall.look(poseAt(1), stampAt(1)));
+  const StereoFrame still = front_end.process(wall.look(poseAt(1), stampAt(2)));
+  ASSERT_GT(moving.features.size(), kCount / 2);
+  ASSERT_GT(still.features.size(), kCount / 2);
+  const auto mean = [](const StereoFrame& frame) {
+    double sum = 0.0;
+    for (const auto& f : frame.features) sum += f.walk;
+    return sum / static_cast<double>(frame.features.size());
+  };
+  EXPECT_NEAR(mean(moving), 0.3, 0.06);
+  EXPECT_LT(mean(still), 0.05);
+}
+
 TEST(FrontEnd, gives_no_id_twice_and_every_feature_a_noise_and_a_descriptor) {
   const SlantedPlane wall(testCalibration());
   FrontEnd front_end(testCalibration(), {kCount});
@@ -90,6 +107,9 @@ TEST(FrontEnd, gives_no_id_twice_and_every_feature_a_noise_and_a_descriptor) {
       EXPECT_GT(f.sigma, 0.5);
       EXPECT_LT(f.sigma, 1.0);
       EXPECT_EQ(static_cast<double>(static_cast<float>(f.sigma)), f.sigma); // a message holds it as it is
+      EXPECT_GE(f.walk, 0.0);
+      EXPECT_LT(f.walk, 0.5);
+      EXPECT_EQ(static_cast<double>(static_cast<float>(f.walk)), f.walk);
       EXPECT_TRUE(f.descriptor);
     }
     std::set<FeatureId> tracks;

@@ -64,6 +64,7 @@ def _move(feature, left_T_world, point):
         return False
     feature.u_left, feature.u_right = (CENTRE[0] + FOCAL_LENGTH * (x - shift) / z for shift in (0.0, BASELINES["street"]))
     feature.v_left = feature.v_right = CENTRE[1] + FOCAL_LENGTH * y / z
+    feature.walk = 0.0
     return True
 
 
