@@ -57,7 +57,8 @@ std::string Intake::missingInputs() const {
       missing += (missing.empty() ? "" : ", ") + topic;
   };
   look(Stream::kImu, topics_.imu);
-  look(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
+  // Without a topic it is not expected: gyro and camera do without.
+  if (!topics_.velocity.empty()) look(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
   look(Stream::kStereo, topics_.features);
   return missing;
 }
