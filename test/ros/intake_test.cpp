@@ -44,5 +44,28 @@ TEST(Intake, SaysOnceWhatFeaturesAreNotThoseOfARectifiedPair) {
   EXPECT_EQ(0U, sides[0].find("disparity has the wrong sign: 100 % of the points are behind the cameras"));
 }
 
+/// What is missing of a gyro and a camera without calibration.
+std::string missingWith(const std::string& velocity) {
+  Config config;
+  config.invariant.choice = MotionChoice::kConstantTwist;
+  SlamSystem system{config};
+  InputTopics topics;
+  topics.velocity = velocity;
+  Intake intake(system, {}, topics);
+  sensor_msgs::Imu imu;
+  imu.header.frame_id = "imu_link";
+  StereoFeatureArray features;
+  features.header.frame_id = "left_camera_optical";
+  imu.header.stamp = features.header.stamp = ros::Time(100, 0);
+  intake.add(imu);
+  intake.add(features);
+  return intake.missingInputs();
+}
+
+TEST(Intake, MissesAVelocityUnlessToldThatThereIsNone) {
+  EXPECT_EQ(missingWith("/velocity").substr(0, 12), "/velocity or");
+  EXPECT_EQ(missingWith(""), "");
+}
+
 } // namespace
 } // namespace vi_ekf_slam
