@@ -18,20 +18,16 @@ constexpr double kContradicts = 21.108; // chi-square, 3 degrees of freedom, 99.
 
 Associations associate(const Filter& filter, const LandmarkMap& map, const StereoModel& model,
                        const StereoFrame& frame, const std::vector<std::size_t>& usable) {
-  std::vector<std::pair<FeatureId, std::size_t>> landmark_of_id;
-  landmark_of_id.reserve(map.active().size());
-  for (std::size_t i = 0; i < map.active().size(); ++i) landmark_of_id.emplace_back(map.active()[i].id, i);
-  std::sort(landmark_of_id.begin(), landmark_of_id.end());
+  const auto landmark_of_id = map.indexById();
   std::vector<bool> seen(map.active().size(), false);
   Associations result;
   result.known.reserve(usable.size());
   result.measurements.reserve(usable.size());
   for (const std::size_t feature : usable) {
     const StereoFeatureObservation& f = frame.features[feature];
-    const auto known =
-        std::lower_bound(landmark_of_id.begin(), landmark_of_id.end(), std::make_pair(f.id, std::size_t{0}));
+    const auto known = landmark_of_id.find(f.id);
     std::optional<LinearMeasurement> measurement;
-    if (known != landmark_of_id.end() && known->first == f.id && !seen[known->second])
+    if (known != landmark_of_id.end() && !seen[known->second])
       measurement = model.observe(filter, map.active()[known->second].variable, f.pixels, f.sigma);
     if (measurement) {
       seen[known->second] = true;
