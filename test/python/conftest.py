@@ -4,6 +4,7 @@ Files have names of their own across the folders, which are no packages.
 """
 
 import io
+import json
 import os
 import subprocess
 import sys
@@ -38,6 +39,19 @@ def script():
     def run(name, *arguments):
         return subprocess.run([sys.executable, script_path(name)] + [str(a) for a in arguments],
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
+    return run
+
+
+@pytest.fixture
+def evaluated(script):
+    """Runs run_bag on a bag and evaluate.py on what comes out; returns what evaluation.json holds. `truth`: options of evaluate.py,
+    of the bag unless told otherwise."""
+    def run(bag, output, *options, truth=None):
+        subprocess.run([program("run_bag"), bag, "--output", output, "--quiet", *options], check=True, timeout=HANG_S)
+        done = script("evaluate.py", output, *(truth or ("--bag", bag)), "--no-plots")
+        assert done.returncode == 0, done.stderr
+        with open(os.path.join(output, "evaluation.json"), encoding="utf-8") as stream:
+            return json.load(stream)
     return run
 
 

@@ -1,13 +1,10 @@
 """Two laps of a drawn street: the trajectory of our front end's tracks beside that of perfect ones (the same features, with the pixels of
 the points that they begin at), and the loop that both must close. VI_EKF_SLAM_PICTURE_SEEDS=1,2,3 draws more streets than one."""
 
-import json
 import os
-import subprocess
 
 import numpy as np
 import rosbag
-from conftest import HANG_S, program
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.geometry import inverse
@@ -68,7 +65,7 @@ def _move(feature, left_T_world, point):
     return True
 
 
-def test_tracks_of_pictures_are_nearly_as_good_as_perfect_ones(script, tmp_path):
+def test_tracks_of_pictures_are_nearly_as_good_as_perfect_ones(evaluated, tmp_path):
     ratios = []
     for seed in SEEDS:
         folder = tmp_path / ("street%d" % seed)
@@ -78,11 +75,7 @@ def test_tracks_of_pictures_are_nearly_as_good_as_perfect_ones(script, tmp_path)
         assert convert([str(folder), pictures, "--quiet"]) == 0
 
         def judged(bag, run, *options):
-            subprocess.run([program("run_bag"), bag, "--output", run, "--quiet", *options], check=True, timeout=HANG_S)
-            done = script("evaluate.py", run, "--bag", pictures, "--no-plots")
-            assert done.returncode == 0, done.stderr
-            with open(os.path.join(run, "evaluation.json"), encoding="utf-8") as stream:
-                data = json.load(stream)
+            data = evaluated(bag, run, *options, truth=("--bag", pictures))
             return (data["slam"]["ate_yaw_aligned_m"], data["smoothed"]["ate_yaw_aligned_m"], data["consistency"]["pose_nees"],
                     read_summary(os.path.join(run, "summary.yaml"))["places_recognised"])
 

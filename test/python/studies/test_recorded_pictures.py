@@ -1,31 +1,21 @@
 """Recorded drives with pictures, from the pictures to the trajectory, by the package's own front end and start."""
 
-import json
 import os
-import subprocess
 
 import numpy as np
-from conftest import HANG_S, data_file, program
+from conftest import data_file
 
 from vi_ekf_slam.bag.converter import main as convert
 
 REST_S = 14.0  # MH_01 ends with it
 
 
-def judged(script, bag, run, *options):
-    """The evaluation of a run of `bag`, and its trajectory (N, 8): stamp, position, quaternion."""
-    subprocess.run([program("run_bag"), bag, "--output", run, "--quiet", *options], check=True, timeout=HANG_S)
-    done = script("evaluate.py", run, "--bag", bag, "--no-plots")
-    assert done.returncode == 0, done.stderr
-    with open(os.path.join(run, "evaluation.json"), encoding="utf-8") as stream:
-        return json.load(stream)["slam"], np.loadtxt(os.path.join(run, "trajectory.tum"))
-
-
-def test_a_hand_held_rig_starts_by_itself_and_stays_where_it_is_put_down(script, tmp_path):
+def test_a_hand_held_rig_starts_by_itself_and_stays_where_it_is_put_down(evaluated, tmp_path):
     folder = os.path.dirname(data_file("images/euroc_mh01/truth_imu.tum"))
     bag = str(tmp_path / "mh01.bag")
     assert convert([folder, bag, "--quiet"]) == 0
-    slam, trajectory = judged(script, bag, str(tmp_path / "run"))
+    slam = evaluated(bag, str(tmp_path / "run"))["slam"]
+    trajectory = np.loadtxt(str(tmp_path / "run" / "trajectory.tum"))  # (N, 8): stamp, position, quaternion
     pictures = np.genfromtxt(os.path.join(folder, "mav0", "cam0", "data.csv"), delimiter=",", usecols=0, comments="#", dtype=np.int64)
     first_pose = trajectory[0, 0] - 1e-9 * pictures[0]
     rest = trajectory[trajectory[:, 0] > trajectory[-1, 0] - REST_S, 1:4]
@@ -37,13 +27,13 @@ def test_a_hand_held_rig_starts_by_itself_and_stays_where_it_is_put_down(script,
     assert drift < 0.003
 
 
-def test_a_car_is_followed_by_its_pictures_alone_and_better_with_its_velocity(script, tmp_path):
+def test_a_car_is_followed_by_its_pictures_alone_and_better_with_its_velocity(evaluated, tmp_path):
     folder = os.path.dirname(data_file("images/kitti_2011_09_26_0001/truth_left_camera.txt"))
     bag = str(tmp_path / "0001.bag")
     assert convert([folder, bag, "--velocity", "--quiet"]) == 0
     t_rel = {}
     for name, options in (("frames alone", ("--imu", "", "--velocity", "")), ("gyro", ("--velocity", "")), ("gyro and velocity", ())):
-        slam, _ = judged(script, bag, str(tmp_path / name.replace(" ", "_")), *options)
+        slam = evaluated(bag, str(tmp_path / name.replace(" ", "_")), *options)["slam"]
         t_rel[name] = slam["t_rel_percent"]
         print("0001, %s: ATE %.3f m, t_rel %.2f %%" % (name, slam["ate_m"], t_rel[name]))
     assert t_rel["frames alone"] < 1.2

@@ -1,14 +1,12 @@
 """A recorded rig told that its camera is turned by 1 deg and its clock shifted by 15 ms: estimated with the motion, both are found,
 and the trajectory is nearly as good as with the right ones."""
 
-import json
 import os
-import subprocess
 
 import numpy as np
 import pytest
 import yaml
-from conftest import DATA, HANG_S, program
+from conftest import DATA
 from scipy.spatial.transform import Rotation
 
 from vi_ekf_slam.bag.converter import main as convert
@@ -19,19 +17,15 @@ AXIS = np.array([1.0, 1.0, 1.0]) / np.sqrt(3.0)
 
 @pytest.mark.skipif(not os.path.exists(SOURCE),
                     reason="NOT RUN: images/euroc_mh01 is not in %s; set VI_EKF_SLAM_DATA to the directory with the drives" % DATA)
-def test_a_wrong_extrinsic_and_clock_are_found(script, tmp_path):
+def test_a_wrong_extrinsic_and_clock_are_found(evaluated, tmp_path):
     images, tracks = str(tmp_path / "images.bag"), str(tmp_path / "tracks.bag")
     assert convert([SOURCE, images, "--quiet"]) == 0
 
     def ate(bag, name, calibration, *options):
-        config, run = tmp_path / (name + ".yaml"), str(tmp_path / name)
+        config = tmp_path / (name + ".yaml")
         config.write_text(yaml.safe_dump({"calibration": calibration}))
-        subprocess.run([program("run_bag"), bag, "--config", str(config), "--output", run, "--quiet", *options], check=True,
-                       timeout=HANG_S)
-        done = script("evaluate.py", run, "--truth", os.path.join(SOURCE, "truth_imu.tum"), "--no-plots")
-        assert done.returncode == 0, done.stderr
-        with open(os.path.join(run, "evaluation.json"), encoding="utf-8") as stream:
-            return json.load(stream)["slam"]["ate_yaw_aligned_m"]
+        return evaluated(bag, str(tmp_path / name), "--config", str(config), *options,
+                         truth=("--truth", os.path.join(SOURCE, "truth_imu.tum")))["slam"]["ate_yaw_aligned_m"]
 
     kept = str(tmp_path / "rig.yaml")
     right = ate(images, "right", {"rotation_sigma": 0.001, "time_offset_sigma": 0.001}, "--save-features", tracks,
