@@ -120,21 +120,7 @@ geometry_msgs::TwistWithCovarianceStamped toMessage(const VelocitySample& sample
   return message;
 }
 
-StereoFeatureArray toMessage(const StereoFrame& frame) {
-  auto message = stamped<StereoFeatureArray>(frame.stamp, "left");
-  for (const StereoFeatureObservation& feature : frame.features) {
-    StereoFeature f;
-    f.id = feature.id;
-    f.u_left = feature.pixels[0];
-    f.v_left = feature.pixels[1];
-    f.u_right = feature.pixels[2];
-    f.v_right = feature.pixels[3];
-    f.sigma = static_cast<float>(feature.sigma);
-    f.walk = static_cast<float>(feature.walk);
-    message.features.push_back(f);
-  }
-  return message;
-}
+StereoFeatureArray toMessage(const StereoFrame& frame) { return conversions::toMessage(frame, "left"); }
 
 /// The node without its topics.
 class Soak {
