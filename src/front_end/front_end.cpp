@@ -26,7 +26,8 @@ constexpr double kLifeSigma = 0.8;
 // at: after 1, 2 and 5 pairs a row is off by 0.11, 0.15 and 0.21 px (docs/front_end.md). What strays
 // is taken to be the interpolation between pixels: a track that moves by less than one strays less, and none
 // at rest.
-constexpr double kTrackWalk = 0.3, kWalkingFlow = 1.0;
+constexpr double kTrackWalk = 0.3;
+constexpr double kWalkingFlow = 1.0; // px from pair to pair
 // px, what is added of image to image before a track has shown its own, and how many residuals that is worth.
 constexpr double kPriorSigma = 0.25, kPriorWeight = 5.0, kMaxWeight = 20.0;
 

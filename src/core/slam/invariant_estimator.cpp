@@ -147,7 +147,7 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   if (config_.standstill_px > 0.0) standstill_.addFrame(frame);
   if (config_.standstill_px > 0.0 && last_frame_ && standstill_.stands(frame.stamp) &&
       motion_->mayStand(filter_))
-    motion_->processStandstill(filter_, imu_, frame.stamp, secondsBetween(last_frame_->stamp, frame.stamp));
+    motion_->processStandstill(filter_, imu_, frame.stamp, secondsSinceFrame(frame.stamp));
   Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
   if (last_frame_) displacement = filter_.pose().translation() - last_frame_->position;
   if (TrackSlip::isPossible(frame)) {
@@ -176,8 +176,7 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.invalid = usable.invalid;
   closures_.expect(filter_, map_, *model_, frame, usable.features);
   Associations seen = associate(filter_, map_, *model_, frame, usable.features);
-  if (last_frame_)
-    letTracksWalk(filter_, map_, *model_, frame, seen.known, secondsBetween(last_frame_->stamp, frame.stamp));
+  letTracksWalk(filter_, map_, *model_, frame, seen.known, secondsSinceFrame(frame.stamp));
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
   report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
@@ -210,8 +209,7 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
 void InvariantEstimator::closeLoops(FrameReport& report) {
   clones_.archive(map_.bound(filter_));
   const SE3 before = filter_.pose();
-  const double seconds = last_frame_ ? secondsBetween(last_frame_->stamp, *stamp_) : 0.0;
-  const Revisit revisit = closures_.update(filter_, map_, *model_, seconds, report);
+  const Revisit revisit = closures_.update(filter_, map_, *model_, secondsSinceFrame(*stamp_), report);
   if (report.relocalised) clones_.clear();
   loop_.reset();
   if (revisit.landmarks > 0)

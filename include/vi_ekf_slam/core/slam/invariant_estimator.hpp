@@ -69,6 +69,11 @@ class InvariantEstimator : public Estimator {
     Eigen::Vector3d position; ///< of the body, world, m
   };
 
+  /// Of the last frame; 0 before the first.
+  double secondsSinceFrame(Stamp stamp) const {
+    return last_frame_ ? secondsBetween(last_frame_->stamp, stamp) : 0.0;
+  }
+
   InvariantConfig config_;
   std::shared_ptr<MotionModel> motion_; ///< shared by copies; has no state but its variables' handles
   ImuTrack imu_;
