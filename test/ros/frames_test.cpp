@@ -72,8 +72,8 @@ class Base : public testing::Test {
 
 TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
   BaseFrame base(frames_, {});
-  EXPECT_FALSE(base.update("", false));
-  ASSERT_TRUE(base.update("imu_link", false));
+  EXPECT_FALSE(base.update("", SE3()));
+  ASSERT_TRUE(base.update("imu_link", SE3()));
   EXPECT_EQ("imu_link", base.name());
   EXPECT_EQ(kWorldTImu.matrix(), base.pose(kWorldTImu).matrix());
   EXPECT_TRUE(base.hasForeignParent());
@@ -82,7 +82,7 @@ TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
 
 TEST_F(Base, begins_the_map_where_it_began) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link", false));
+  ASSERT_TRUE(base.update("imu_link", SE3()));
   EXPECT_EQ("", base.problem());
   expectNear(SE3(), base.pose(SE3()), 1e-12);
   expectNear(kBaseTImu * kWorldTImu * kBaseTImu.inverse(), base.pose(kWorldTImu), 1e-12);
@@ -95,9 +95,17 @@ TEST_F(Base, begins_the_map_where_it_began) {
   EXPECT_LT((base.pose(kWorldTImu).inverse() * moved[0].position - from_base).norm(), 1e-12);
 }
 
+TEST_F(Base, begins_the_map_where_it_began_in_a_world_that_begins_elsewhere) {
+  BaseFrame base(frames_, config_);
+  ASSERT_TRUE(base.update("imu_link", kWorldTImu));
+  expectNear(SE3(), base.pose(kWorldTImu), 1e-12);
+  const SE3 moved = SE3::Exp((Vector6d() << 1.0, 2.0, 3.0, 0.1, 0.2, 0.3).finished());
+  expectNear(kBaseTImu * moved * kBaseTImu.inverse(), base.pose(kWorldTImu * moved), 1e-12);
+}
+
 TEST_F(Base, keeps_the_z_axis_of_a_world_that_has_it_up) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link", true));
+  ASSERT_TRUE(base.update("imu_link", std::nullopt));
   EXPECT_LT((base.mapFromWorld().rotation().col(2) - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
   // The IMU begins at the world's origin without a heading, as a level base has it.
   Eigen::Matrix3d world_R_imu = kBaseTImu.rotation();
@@ -113,7 +121,7 @@ TEST_F(Base, keeps_the_z_axis_of_a_world_that_has_it_up) {
 
 TEST_F(Base, takes_a_told_state_of_the_map_into_the_world) {
   BaseFrame base(frames_, config_);
-  ASSERT_TRUE(base.update("imu_link", true));
+  ASSERT_TRUE(base.update("imu_link", std::nullopt));
   const SE3 map_T_imu = base.mapFromWorld() * kWorldTImu;
   const Eigen::Matrix3d& R = base.mapFromWorld().rotation();
   SetState::Request request;
@@ -146,8 +154,8 @@ TEST_F(Base, takes_a_told_state_of_the_map_into_the_world) {
   EXPECT_LT((block(state.covariance, 9, 9) - Eigen::Matrix3d::Identity()).norm(), 1e-12);
 }
 
-class BaseOfWorld : public Base, public testing::WithParamInterface<bool> {};
-INSTANTIATE_TEST_SUITE_P(Worlds, BaseOfWorld, testing::Bool());
+class BaseOfWorld : public Base, public testing::WithParamInterface<std::optional<SE3>> {};
+INSTANTIATE_TEST_SUITE_P(Worlds, BaseOfWorld, testing::Values(std::nullopt, SE3(), kWorldTImu));
 
 TEST_P(BaseOfWorld, has_the_covariance_of_its_own_pose) {
   BaseFrame base(frames_, config_);
@@ -190,10 +198,10 @@ TEST_P(BaseOfWorld, has_the_twist_of_its_own_origin) {
 TEST_F(Base, says_what_is_missing) {
   config_.base_frame = "chassis";
   BaseFrame base(frames_, config_);
-  EXPECT_FALSE(base.update("imu_link", false));
+  EXPECT_FALSE(base.update("imu_link", SE3()));
   EXPECT_NE(std::string::npos, base.problem().find("'chassis'")) << base.problem();
   frames_.add(transform(pose(1e6, 0, 0, 0, 0, 0), "chassis", "base_link", 1), true);
-  EXPECT_FALSE(base.update("imu_link", false)) << "a vehicle is not that large";
+  EXPECT_FALSE(base.update("imu_link", SE3())) << "a vehicle is not that large";
 }
 
 TEST_F(Base, is_told_where_it_is) {
@@ -203,7 +211,7 @@ TEST_F(Base, is_told_where_it_is) {
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
   ToldPose told;
   EXPECT_NE("", readToldPose(message, "map", base, SE3(), told)) << "the base is not known";
-  ASSERT_TRUE(base.update("imu_link", false));
+  ASSERT_TRUE(base.update("imu_link", SE3()));
   message.pose.pose = conversions::toPose(base.pose(kWorldTImu));
   ASSERT_EQ("", readToldPose(message, "map", base, SE3(), told));
   expectNear(kWorldTImu, told.world_T_imu, 1e-9);

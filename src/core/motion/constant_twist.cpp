@@ -20,15 +20,20 @@ void ConstantTwist::setBiasPrior(Filter& filter, const TwistBias& bias) {
   resetBiases(filter);
 }
 
-void ConstantTwist::setOpticalBody(Filter& filter) {
+void ConstantTwist::setOpticalBody() {
   if (std::exchange(is_optical_, true)) return;
   for (Vector6d* of_vehicle : {&options_.twist_density, &options_.bias_density, &options_.prior_twist_sigma,
                                &options_.prior_bias_sigma}) {
     const Vector6d v = *of_vehicle;
     *of_vehicle << v[1], v[2], v[0], v[4], v[5], v[3];
   }
-  filter.reset(twist_, options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
-  resetBiases(filter);
+}
+
+SE3 ConstantTwist::startPose() const {
+  if (!is_optical_) return {};
+  Eigen::Matrix3d vehicle_R_optical;
+  vehicle_R_optical << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  return {vehicle_R_optical, Eigen::Vector3d::Zero()};
 }
 
 /// T' = T Exp(dt nu). The right-invariant error about the body's old position gains B dnu with

@@ -12,7 +12,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-// The world frame IS the first IMU frame; not zero, so that the covariance stays positive definite.
+// The world begins at the IMU; not zero, so that the covariance stays positive definite.
 constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
@@ -38,7 +38,7 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_),
       closures_(config.recognise_places, config.closure_operations) {
-  begin(SE3(), startCovariance());
+  begin(motion_->startPose(), startCovariance());
 }
 
 /// A filter that knows nothing but its pose.
@@ -72,7 +72,10 @@ void InvariantEstimator::moveOriginHere() {
 
 /// A camera alone is the body itself, and some IMUs have their camera's axes.
 void InvariantEstimator::setRig(const StereoRig& rig) {
-  if (!stamp_ && so3::Log(rig.cam_T_imu.rotation()).norm() < kSameAxes) motion_->setOpticalBody(filter_);
+  if (!stamp_ && so3::Log(rig.cam_T_imu.rotation()).norm() < kSameAxes) {
+    motion_->setOpticalBody();
+    begin(motion_->startPose(), startCovariance());
+  }
   model_.emplace(rig, config_.stereo, RigVariables(filter_.variables()));
 }
 
@@ -392,7 +395,7 @@ void InvariantEstimator::resume(const Closures::Resume& from, Stamp stamp) {
       return;
     }
     map_.clear();
-    begin(SE3(), startCovariance());
+    begin(motion_->startPose(), startCovariance());
   }
   relocaliseIn(from.map);
 }

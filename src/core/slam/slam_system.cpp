@@ -281,7 +281,7 @@ void SlamSystem::process(const Measurement& measurement) {
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
     const VelocitySample at_imu = lever_arm_.atImu(*velocity);
     estimator_->process(at_imu);
-    if (motion_ != MotionChoice::kInertial) dead_reckoning_.process(at_imu);
+    if (motion_ != MotionChoice::kInertial) updateDeadReckoning(at_imu, estimator_->state());
   } else {
     const auto& frame = std::get<StereoFrame>(measurement);
     imu_check_.noteFrame(frame.stamp);
@@ -302,14 +302,18 @@ void SlamSystem::process(const Measurement& measurement) {
   }
 }
 
-/// Of what is measured; with an inertial model of the estimated twist, which is smooth but for small steps
-/// of what it is a derivative of, from where the estimate starts.
+/// Of what is measured; where no velocity is, of the estimated twist, which is smooth but for small steps of
+/// what it is a derivative of.
 void SlamSystem::updateDeadReckoning(const Measurement& measurement, const StateEstimate& state) {
-  if (motion_ != MotionChoice::kInertial) {
+  const bool is_inertial = motion_ == MotionChoice::kInertial;
+  if (!dead_reckoning_.stamp())
+    dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
+  if (!is_inertial && counts_.processed[static_cast<std::size_t>(Stream::kVelocity)] > 0) {
     if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
+    if (const auto* velocity = std::get_if<VelocitySample>(&measurement))
+      return dead_reckoning_.process(*velocity);
     return dead_reckoning_.advanceTo(stampOf(measurement));
   }
-  if (!dead_reckoning_.stamp()) dead_reckoning_.begin(state.world_T_imu);
   dead_reckoning_.setTwist(stampOf(measurement), state.twist);
 }
 

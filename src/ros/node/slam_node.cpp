@@ -33,7 +33,7 @@ SlamNode::SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
       sequencer_(
           [this](const Output& output, bool is_frame) {
             if (output.report.relocalised) publishers_.reset(); // earlier poses are in another frame
-            publishers_.findBase(intake_.imuFrame(), system_.motion() == MotionChoice::kInertial);
+            publishers_.findBase(intake_.imuFrame(), system_.estimator().startPose());
             publishers_.publish(output, is_frame);
             diagnostics_.noteOutput(output, is_frame);
           },
@@ -225,7 +225,7 @@ std::string SlamNode::setState(const SetState::Request& request) {
   if (system_.motion() == MotionChoice::kConstantTwist)
     return "the state is not set: the motion is a constant twist, it must be inertial";
   sequencer_.endOfDrain();
-  if (!publishers_.findBase(intake_.imuFrame(), true))
+  if (!publishers_.findBase(intake_.imuFrame(), std::nullopt))
     return publishers_.problem().empty() ? "the IMU's frame is not known yet: no imu message has come"
                                          : publishers_.problem();
   InitialState state;

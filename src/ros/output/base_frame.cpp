@@ -23,7 +23,7 @@ Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
 
 } // namespace
 
-bool BaseFrame::update(const std::string& imu_frame, bool is_level) {
+bool BaseFrame::update(const std::string& imu_frame, const std::optional<SE3>& start) {
   if (!name_.empty()) return true;
   imu_frame_ = imu_frame;
   if (imu_frame.empty()) return false;
@@ -33,7 +33,7 @@ bool BaseFrame::update(const std::string& imu_frame, bool is_level) {
     if (!base_T_imu || !(base_T_imu->translation().norm() <= kVehicleSize)) return false;
     base_T_imu_ = base_T_imu;
     const Eigen::Vector3d heading(0.0, 0.0, so3::heading(base_T_imu->rotation()));
-    map_T_world_ = is_level ? SE3(so3::Exp(heading), base_T_imu->translation()) : *base_T_imu;
+    map_T_world_ = start ? *base_T_imu * start->inverse() : SE3(so3::Exp(heading), base_T_imu->translation());
   }
   name_ = base;
   return true;

@@ -183,16 +183,21 @@ TEST(ConstantTwistModel, TurnsItsOptionsOnceForABodyWithACamerasAxes) {
   options.twist_density << 10.0, 20.0, 30.0, 40.0, 50.0, 60.0;
   Filter filter(SE3(), Matrix6d::Identity());
   ConstantTwist motion(options);
+  EXPECT_TRUE(motion.startPose().rotation().isIdentity());
+  motion.setOpticalBody();
+  motion.setOpticalBody();
   motion.addTo(filter);
   filter.closeCore();
-  motion.setOpticalBody(filter);
-  motion.setOpticalBody(filter);
   const Vector6d expected = (Vector6d() << 2.0, 3.0, 1.0, 5.0, 6.0, 4.0).finished();
   EXPECT_EQ(Vector6d(motion.twistCovariance(filter).diagonal().cwiseSqrt()), expected);
   EXPECT_LT(distance(filter.covariance(motion.biasVariable()).diagonal().cwiseSqrt(), 0.1 * expected), 1e-12);
   motion.propagate(filter, 1.0);
   const Vector6d grown = motion.twistCovariance(filter).diagonal() - Vector6d(expected.cwiseAbs2());
   EXPECT_LT(distance(grown, 100.0 * expected.cwiseAbs2()), 1e-9);
+  // It looks along the world's x axis then, which has a vehicle's axes.
+  const Eigen::Matrix3d world_R_body = motion.startPose().rotation();
+  EXPECT_EQ(Eigen::Vector3d::UnitX(), world_R_body * Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(Eigen::Vector3d::UnitZ(), world_R_body * -Eigen::Vector3d::UnitY());
 }
 
 TEST(ConstantTwistModel, ChangeOfTheTwistIsInUnitsOfItsCovariance) {

@@ -36,7 +36,8 @@ class ConstantTwist : public MotionModel {
   void addTo(Filter& filter) override;
   std::vector<std::string> variables() const override { return {kTwist, kBias}; }
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
-  void setOpticalBody(Filter& filter) override;
+  void setOpticalBody() override;
+  SE3 startPose() const override;
   void propagate(Filter& filter, double dt) const;
   void propagate(Filter& filter, const ImuTrack& /*imu*/, Stamp from, Stamp to) const override {
     propagate(filter, secondsBetween(from, to));

@@ -8,8 +8,8 @@
 namespace vi_ekf_slam {
 
 /// Integrates the measured twist: T <- T Exp(dt u), each sample held until the next (paper eq. 9 without
-/// noise, for the pose instead of its inverse). Starts at the identity with the first measurement, at rest
-/// until told otherwise.
+/// noise, for the pose instead of its inverse). Starts at the identity, unless told where,
+/// with the first measurement, at rest until told otherwise.
 class DeadReckoning {
  public:
   void process(const ImuSample& sample);

@@ -37,9 +37,11 @@ class MotionModel {
   /// What is known of the biases beforehand, in place of the configured prior: from now on, what
   /// was learned is forgotten, and after every reset.
   virtual void setBiasPrior(Filter& filter, const TwistBias& bias) = 0;
-  /// Before the first measurement: the body's axes are a camera's (x right, y down, z ahead), not a vehicle's (x
-  /// ahead, y left, z up), in which the options are.
-  virtual void setOpticalBody(Filter& /*filter*/) {}
+  /// Before the variables are added: the body's axes are a camera's (x right, y down, z ahead), not a vehicle's
+  /// (x ahead, y left, z up), in which the options are.
+  virtual void setOpticalBody() {}
+  /// Pose of a body of which nothing is known: the world has a vehicle's axes.
+  virtual SE3 startPose() const { return {}; }
   /// Moves on from one stamp to the next, between which the IMU has no other sample.
   virtual void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const = 0;
   virtual void process(Filter& filter, const ImuSample& sample) const = 0;

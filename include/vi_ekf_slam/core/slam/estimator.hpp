@@ -73,7 +73,7 @@ struct FrameReport {
 struct Gates;
 
 /// A causal estimator of pose and map. Measurements come in the order of their stamps (see
-/// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at the identity pose.
+/// MeasurementBuffer); equal stamps are allowed. The first measurement starts the clock at startPose().
 class Estimator {
  public:
   virtual ~Estimator() = default;
@@ -86,6 +86,9 @@ class Estimator {
 
   /// Before the first measurement: goes on from there. False for an estimator that cannot.
   virtual bool begin(const InitialState& /*state*/) { return false; }
+  /// world_T_imu at the first measurement, unless it goes on from elsewhere; nothing where the world's z axis
+  /// points up, and only a start can tell.
+  virtual std::optional<SE3> startPose() const { return SE3(); }
   /// Whether there is a pose. An estimator that looks for gravity has none at first.
   virtual bool hasStarted() const { return true; }
   /// Why there is none yet, in words; empty: there is one.

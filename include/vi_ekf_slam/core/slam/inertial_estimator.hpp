@@ -22,6 +22,7 @@ class InertialEstimator : public Estimator {
   void setRig(const StereoRig& rig) override;
   void setBiasPrior(const TwistBias& bias) override;
   bool begin(const InitialState& state) override;
+  std::optional<SE3> startPose() const override { return std::nullopt; }
   bool hasStarted() const override { return filter_ != nullptr; }
   std::string startProblem() const override { return filter_ ? std::string() : problem_; }
   void expect(const ImuSample& next) override;

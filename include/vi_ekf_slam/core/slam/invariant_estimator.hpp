@@ -22,6 +22,7 @@ class InvariantEstimator : public Estimator {
   void setRig(const StereoRig& rig) override;
   void setBiasPrior(const TwistBias& bias) override { motion_->setBiasPrior(filter_, bias); }
   bool begin(const InitialState& state) override;
+  std::optional<SE3> startPose() const override { return motion_->startPose(); }
   /// What is known of the IMU from before the state that it begins with.
   void preset(const ImuTrack& imu) { imu_ = imu; }
   /// Goes on from a saved map if it may (see resumeFrom), for a measurement at `now`; whether it did.

@@ -11,18 +11,18 @@
 namespace vi_ekf_slam {
 
 /// The frame whose pose goes out, and the map that begins at its first pose: what the estimator says of the
-/// IMU in its world, which begins at the IMU's, said of the base. With B = base_T_imu, constant,
-/// map_T_base = B world_T_imu B^-1, and points of the world are at B of where they are. A world whose z axis
-/// points up stays so: then map_T_base = M world_T_imu B^-1, where M turns by B's heading alone, so that a
-/// base that begins level begins at the map's origin, heading along its x axis.
+/// IMU in its world said of the base. With B = base_T_imu, constant, map_T_base = M world_T_imu B^-1, and
+/// points of the world are at M of where they are. M = B start^-1, of the IMU's pose at the start, but in a
+/// world whose z axis points up, which stays so: there M turns by B's heading alone, so that a base that
+/// begins level begins at the map's origin, heading along its x axis.
 class BaseFrame {
  public:
   /// `frames` must outlive this.
   BaseFrame(const FrameTree& frames, const RosConfig& config) : frames_(frames), config_(config) {}
 
-  /// Whether the transform between the two is known now; the first one that was holds, and so does
-  /// `is_level`: the world's z axis points up.
-  bool update(const std::string& imu_frame, bool is_level);
+  /// Whether the transform between the two is known now; the first one that was holds, and so does `start`,
+  /// the IMU's pose in the world at the start; nothing: the world's z axis points up.
+  bool update(const std::string& imu_frame, const std::optional<SE3>& start);
   /// Why it is not known, or why no odom -> base may be sent, and what to do; empty: all is well.
   std::string problem() const;
   /// Of the frame; empty as long as nothing is known.

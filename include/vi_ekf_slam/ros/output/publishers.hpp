@@ -29,7 +29,9 @@ class Publishers {
   /// base frame is not known.
   void publish(const Output& output, bool is_frame);
   /// Whether the base frame is known, see BaseFrame::update.
-  bool findBase(const std::string& imu_frame, bool is_level) { return base_.update(imu_frame, is_level); }
+  bool findBase(const std::string& imu_frame, const std::optional<SE3>& start) {
+    return base_.update(imu_frame, start);
+  }
   /// /tf or /tf_static have said more.
   void noteTransforms() { transforms_.noteTransforms(base_); }
   /// Whether this is a transform that is sent here.
