@@ -40,8 +40,17 @@ std::uint64_t Intake::received() const {
   return std::accumulate(counts_.received.begin(), counts_.received.end(), std::uint64_t{0});
 }
 
-/// An IMU with accelerometers does without a velocity, and a camera without either.
+std::string Intake::topicsOf(Stream stream) const {
+  if (stream == Stream::kImu) return topics_.imu;
+  if (stream == Stream::kStereo) return topics_.features;
+  const bool both = !topics_.velocity.empty() && !topics_.wheel_odometry.empty();
+  return topics_.velocity + (both ? " or " : "") + topics_.wheel_odometry;
+}
+
+/// An IMU with accelerometers does without a velocity, and a camera without either; a gyro and a camera do
+/// where no velocity is to be listened to.
 bool Intake::isRequired(Stream stream) const {
+  if (topicsOf(stream).empty()) return false;
   if (stream == Stream::kStereo) return system_.needsRig();
   const auto came = [this](Stream s) { return counts_.received[index(s)] > 0; };
   const bool is_twist = system_.motion() != MotionChoice::kInertial;
@@ -52,14 +61,10 @@ bool Intake::isRequired(Stream stream) const {
 
 std::string Intake::missingInputs() const {
   std::string missing;
-  const auto look = [&](Stream stream, const std::string& topic) {
-    if (isRequired(stream) && counts_.received[index(stream)] == 0 && !topic.empty())
-      missing += (missing.empty() ? "" : ", ") + topic;
-  };
-  look(Stream::kImu, topics_.imu);
-  // Without a topic it is not expected: gyro and camera do without.
-  if (!topics_.velocity.empty()) look(Stream::kVelocity, topics_.velocity + " or " + topics_.wheel_odometry);
-  look(Stream::kStereo, topics_.features);
+  for (const Stream stream : {Stream::kImu, Stream::kVelocity, Stream::kStereo}) {
+    if (isRequired(stream) && counts_.received[index(stream)] == 0)
+      missing += (missing.empty() ? "" : ", ") + topicsOf(stream);
+  }
   return missing;
 }
 

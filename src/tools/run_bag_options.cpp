@@ -24,7 +24,8 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
                        [/left/image, /right/image]: what the front end makes features of, where the bag has none
   --left-info TOPIC    sensor_msgs/CameraInfo                         [/left/camera_info]
   --right-info TOPIC   sensor_msgs/CameraInfo                         [/right/camera_info]
-                       an empty TOPIC: that input is not wanted, and not missed
+                       an empty TOPIC: that input is not wanted, and not missed; an empty --velocity alone stands for both
+                       velocity and wheel odometry
   --topic-prefix NAME  put before each of the nine names above; the transforms from the IMU to the left camera and
                        to where velocities are of always come from /tf_static (or /tf)
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
@@ -92,6 +93,8 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
                   .run(),
               values);
     po::notify(values);
+    if (options.topics.velocity.empty() && values["wheel-odometry"].defaulted())
+      options.topics.wheel_odometry.clear();
   } catch (const po::error& e) {
     throw UsageError(e.what());
   }

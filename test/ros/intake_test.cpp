@@ -45,12 +45,13 @@ TEST(Intake, SaysOnceWhatFeaturesAreNotThoseOfARectifiedPair) {
 }
 
 /// What is missing of a gyro and a camera without calibration.
-std::string missingWith(const std::string& velocity) {
+std::string missingWith(const std::string& velocity, const std::string& wheel_odometry) {
   Config config;
   config.invariant.choice = MotionChoice::kConstantTwist;
   SlamSystem system{config};
   InputTopics topics;
   topics.velocity = velocity;
+  topics.wheel_odometry = wheel_odometry;
   Intake intake(system, {}, topics);
   sensor_msgs::Imu imu;
   imu.header.frame_id = "imu_link";
@@ -63,8 +64,10 @@ std::string missingWith(const std::string& velocity) {
 }
 
 TEST(Intake, MissesAVelocityUnlessToldThatThereIsNone) {
-  EXPECT_EQ(missingWith("/velocity").substr(0, 12), "/velocity or");
-  EXPECT_EQ(missingWith(""), "");
+  EXPECT_EQ(missingWith("/velocity", "/wheels"), "/velocity or /wheels");
+  EXPECT_EQ(missingWith("/velocity", ""), "/velocity");
+  EXPECT_EQ(missingWith("", "/wheels"), "/wheels");
+  EXPECT_EQ(missingWith("", ""), "");
 }
 
 } // namespace

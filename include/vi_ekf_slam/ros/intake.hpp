@@ -69,7 +69,7 @@ class Intake {
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
   std::uint64_t received() const;
-  /// Whether the estimator cannot do without the stream, by what has come up to now.
+  /// Whether the estimator cannot do without the stream, by what has come up to now and has a topic.
   bool isRequired(Stream stream) const;
   /// Topics of required inputs from which no message has come, with commas; empty: there is none.
   std::string missingInputs() const;
@@ -94,6 +94,7 @@ class Intake {
     std::map<std::string, std::uint64_t> turned_away;
   };
 
+  std::string topicsOf(Stream stream) const;
   void hand(Arrival arrival);
   void release(bool at_once);
   bool hasWaited(const Arrival& arrival) const;
