@@ -1,5 +1,7 @@
 """rviz configurations as YAML: the shipped one, which of its entries hold frames and topics, and how to change them."""
 
+import math
+
 import yaml
 
 from vi_ekf_slam.common.errors import InputError
@@ -20,6 +22,13 @@ TRUTH = "Ground truth"  # the one display that may be without its topic: most dr
 # What can be chosen: name of the display in the shipped file.
 DISPLAYS = {"path": "Path", "dead_reckoning": "Dead reckoning", "truth": TRUTH, "landmarks": "Landmarks",
             "landmark_cloud": "Landmarks from afar", "pose": "Pose, 3 sigma"}
+LANDMARKS = "landmarks"  # namespace of the landmarks' markers
+GRID = "Grid (%g m)"
+# rviz class: keys of what is a length (m), or in proportion to one.
+LENGTHS = {"rviz/TF": ["Marker Scale"], "rviz/Path": ["Line Width"],
+           "rviz/PoseWithCovariance": ["Head Length", "Head Radius", "Shaft Length", "Shaft Radius"]}
+SMALL = 0.25  # below this scale landmarks, squares of 0.2 m, hide each other; points of so many pixels do not
+POINT_PX = 3
 FRAMES = {"map_frame": "map", "odom_frame": "odom", "imu_frame": "imu_link"}
 
 
@@ -81,6 +90,38 @@ def without_truth(config):
     for display in displays_of(config):
         if display.get("Name") == TRUTH:
             display["Enabled"] = display["Value"] = False
+
+
+def set_scale(config, factor):
+    """Make all that is drawn `factor` times as large as for a car; below SMALL landmarks are points, not squares."""
+    views = config["Visualization Manager"]["Views"]
+    for view in [views["Current"]] + (views["Saved"] or []):
+        if "Distance" in view:
+            view["Distance"] = _rounded(factor * view["Distance"])
+            view["Focal Point"] = {axis: _rounded(factor * value) for axis, value in view["Focal Point"].items()}
+        if "Scale" in view:
+            view["Scale"] = _rounded(view["Scale"] / factor)
+    for display in displays_of(config):
+        for key in LENGTHS.get(display["Class"], []):
+            display[key] = _rounded(factor * display[key])
+        if display["Class"] == "rviz/Path":
+            display["Offset"] = {axis: _rounded(factor * value) for axis, value in display["Offset"].items()}
+        if display["Class"] == "rviz/Grid":
+            display["Cell Size"] = cell_size(factor * display["Cell Size"])
+            display["Name"] = GRID % display["Cell Size"]
+        if factor < SMALL and display["Class"] == "rviz/MarkerArray":
+            display["Namespaces"] = {LANDMARKS: False}
+        if factor < SMALL and display["Class"] == "rviz/PointCloud2":
+            display["Size (Pixels)"] = POINT_PX
+
+
+def _rounded(value):
+    return float("%.9g" % value)
+
+
+def cell_size(least):
+    """The smallest power of ten (m) that is not less."""
+    return 10.0 ** math.ceil(math.log10(least) - 1e-9)
 
 
 def fixed_frame(config):

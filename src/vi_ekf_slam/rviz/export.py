@@ -3,11 +3,12 @@
 import argparse
 import re
 
+from vi_ekf_slam.common.checks import require_positive
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.rviz.config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
-                                     topic_displays)
+                                     set_scale, topic_displays)
 from vi_ekf_slam.rviz.offer_checks import check
 
 TOPIC_NAME = re.compile(r"^[A-Za-z/][A-Za-z0-9_/]*$")
@@ -30,6 +31,8 @@ def make_parser():
         frames.add_argument("--" + option.replace("_", "-"), default=default, metavar="FRAME",
                             help="default: %(default)s" +
                             ("; '' where there is none (single_tf)" if option == "odom_frame" else ""))
+    parser.add_argument("--scale", type=float, default=1.0, metavar="FACTOR", help="size of all that is drawn: 1 for a "
+                        "car, 0.05 for what is carried by hand, as rviz/handheld.rviz (default: %(default)s)")
     topics = parser.add_argument_group("topics", "An empty name ('') leaves the display out.")
     shipped = {d.name: d for d in topic_displays(load_config(shipped_path()))}
     for option, name in DISPLAYS.items():
@@ -82,7 +85,10 @@ def export(options):
     """Do what the parsed options ask; InputError when something is refused."""
     check_output(options.output)
     frames, topics = check_frames(options), resolve_topics(options)
+    require_positive(options.scale, "--scale")
     config = load_config(shipped_path())
+    if options.scale != 1.0:
+        set_scale(config, options.scale)
     for name, topic in topics.items():
         set_topic(config, name, topic)
     set_frames(config, {FRAMES[option]: frame for option, frame in frames.items()})

@@ -18,37 +18,78 @@ def path_entries(config):
             if display["Class"] == "rviz/Path" and display.get("Enabled", True) and "Color" in display]
 
 
+def grid_cells(config):
+    """[m] of the grids that it shows."""
+    return [display["Cell Size"] for display in displays_of(config)
+            if display["Class"] == "rviz/Grid" and display.get("Enabled", True)]
+
+
 def has_landmarks(config):
     """Whether it shows landmarks as markers."""
     return any(display["Class"] == "rviz/MarkerArray" and display.get("Enabled", True) for display in displays_of(config))
 
 
 def add_legend(picture, config, size_px=13):
-    """The picture (PIL, RGB) over a strip of entries, as a new one. size_px: of the letters."""
-    from PIL import Image, ImageDraw
-    height = size_px + 2 * MARGIN
-    result = Image.new("RGB", (picture.width, picture.height + height), BACKGROUND)
+    """The picture (PIL, RGB) over as many rows of entries as it takes, as a new one. size_px: of the letters."""
+    from PIL import Image
+    rows, used = [[]], 0
+    for entry in _entries(config, size_px):
+        if rows[-1] and used + entry.width > picture.width:
+            rows.append([])
+            used = 0
+        rows[-1].append((used, entry))
+        used += entry.width
+    height = _height(size_px)
+    result = Image.new("RGB", (picture.width, picture.height + len(rows) * height), BACKGROUND)
     result.paste(picture, (0, 0))
-    draw, font, x = ImageDraw.Draw(result), _font(size_px), MARGIN
-    middle, top = picture.height + height // 2, picture.height + MARGIN - 1
-
-    def write(text, x):
-        draw.text((x, top), text, font=font, fill=TEXT)
-        return x + round(font.getlength(text) if hasattr(font, "getlength") else font.getsize(text)[0])
-
-    for name, colour in path_entries(config):
-        draw.line([(x, middle), (x + LINE, middle)], fill=colour, width=3)
-        x = write(name, x + LINE + MARGIN // 2) + 2 * MARGIN
-    if has_landmarks(config):
-        x = write("Landmarks, sigma %g m" % SIGMA_GREEN, x) + MARGIN // 2
-        for k in range(BAR):
-            share = k / (BAR - 1)
-            draw.line([(x + k, middle - 5), (x + k, middle + 5)],
-                      fill=(round(255 * share), round(255 * (1.0 - share)), 0))
-        x = write("%g m" % SIGMA_RED, x + BAR + MARGIN // 2) + 2 * MARGIN
-        draw.line([(x, middle), (x + LINE, middle)], fill=LOOPS, width=3)
-        write("Closed loops", x + LINE + MARGIN // 2)
+    for k, row in enumerate(rows):
+        for x, entry in row:
+            result.paste(entry, (x, picture.height + k * height))
     return result
+
+
+def _entries(config, size_px):
+    """A picture of each."""
+    for name, colour in path_entries(config):
+        yield _entry([_line(colour), name], size_px)
+    if has_landmarks(config):
+        yield _entry(["Landmarks, sigma %g m" % SIGMA_GREEN, _bar, "%g m" % SIGMA_RED], size_px)
+        yield _entry([_line(LOOPS), "Closed loops"], size_px)
+    for cell in grid_cells(config):
+        yield _entry(["Grid %g m" % cell], size_px)
+
+
+def _entry(parts, size_px):
+    """Texts and what draws a sample, beside each other."""
+    from PIL import Image, ImageDraw
+    strip = Image.new("RGB", (600, _height(size_px)), BACKGROUND)
+    draw, font, x = ImageDraw.Draw(strip), _font(size_px), MARGIN
+    for part in parts:
+        if callable(part):
+            x = part(draw, x, strip.height // 2)
+        else:
+            draw.text((x, MARGIN - 1), part, font=font, fill=TEXT)
+            x += round(font.getlength(part) if hasattr(font, "getlength") else font.getsize(part)[0])
+        x += MARGIN // 2
+    return strip.crop((0, 0, x + MARGIN // 2, strip.height))
+
+
+def _height(size_px):
+    return size_px + 2 * MARGIN
+
+
+def _line(colour):
+    def draw_line(draw, x, y):
+        draw.line([(x, y), (x + LINE, y)], fill=colour, width=3)
+        return x + LINE
+    return draw_line
+
+
+def _bar(draw, x, y):
+    for k in range(BAR):
+        share = k / (BAR - 1)
+        draw.line([(x + k, y - 5), (x + k, y + 5)], fill=(round(255 * share), round(255 * (1.0 - share)), 0))
+    return x + BAR
 
 
 def _font(size_px):

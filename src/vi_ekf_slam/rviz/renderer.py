@@ -17,7 +17,7 @@ from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz import offers
-from vi_ekf_slam.rviz.config import TRUTH, dump_config, load_config, shipped_path, topic_displays, without_truth
+from vi_ekf_slam.rviz.config import TRUTH, displays_of, dump_config, load_config, shipped_path, topic_displays, without_truth
 from vi_ekf_slam.rviz.legend import add_legend
 from vi_ekf_slam.rviz.session import RvizSession
 
@@ -111,6 +111,7 @@ class Playback:
     def __init__(self, options, session, player, offer, folder):
         self.options, self.session, self.player, self.offer, self.folder = options, session, player, offer, folder
         self.pictures = []
+        self.cell = None  # m, of the grid, where it is not the configuration's
         self.published = {}  # topic: type, of all that was ever published
         self.limit_s = (offer.end - offer.start) / options.rate + SLACK_S
         self.end = time.monotonic() + self.limit_s
@@ -136,7 +137,7 @@ class Playback:
         """One picture more. Returns its path."""
         path = os.path.join(self.folder, "%04d.png" % len(self.pictures))
         if self.options.view == "top":
-            self.session.ask("fit")
+            self.cell = self.session.ask("fit")["cell"]
             self.session.draw(2)
         self.session.ask("grab", path=path)
         self.pictures.append(path)
@@ -196,10 +197,18 @@ def render(options):
         bad = complaints(statuses, session.errors(), displays, playback.published)
         if bad:
             raise RvizError("%s\n%s" % (options.bag, "\n".join("  " + line for line in bad)))
-        _write(options, None if options.no_legend else load_config(config), playback.pictures, last)
+        _write(options, None if options.no_legend else _as_drawn(config, playback.cell), playback.pictures, last)
     if not options.quiet:
         print("\n".join(["%s: %s" % (d["display"], "; ".join(d["messages"]) or d["level"]) for d in statuses] +
                         ["wrote: %s" % path for path in (options.output, options.animation) if path]))
+
+
+def _as_drawn(path, cell):
+    config = load_config(path)
+    for display in displays_of(config):
+        if cell and display["Class"] == "rviz/Grid":
+            display["Cell Size"] = cell
+    return config
 
 
 def _write(options, config, pictures, last):

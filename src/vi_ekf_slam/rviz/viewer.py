@@ -5,6 +5,7 @@ lines of JSON: a request {"do": NAME, ...} on standard input, its answer on stan
 writes says that it is ready. What rviz itself prints goes to standard error.
 """
 
+import copy
 import json
 import os
 import sys
@@ -16,16 +17,16 @@ from python_qt_binding.QtGui import QColor
 from python_qt_binding.QtWidgets import QApplication, QDockWidget, QToolBar, QWidget
 from rviz import bindings
 
-from vi_ekf_slam.rviz.config import load_config, topic_displays
+from vi_ekf_slam.rviz.config import LENGTHS, displays_of, load_config, set_scale, topic_displays
 
 # Of rviz, the colours by which it shows how bad a status is.
 WARNING = QColor(192, 128, 0)
 STATUS_WORDS = ("Ok", "Warn", "Error")
 MARGIN = 0.08  # of the paths' extent, on each side
-MIN_EXTENT = 20.0  # m
-LINE_WIDTH_PX = 2.5
+MIN_EXTENT = 2.0  # m
 LABEL_PX = 14.0  # height of the names of frames
 LABEL_HEIGHT = 0.1  # m of a frame's name for each unit of TF's Marker Scale, as rviz draws it
+CAR_SCALE = LABEL_PX / (LABEL_HEIGHT * 12.0)  # px/m at which the shipped configuration's names have that height
 
 
 class Viewer:
@@ -52,10 +53,11 @@ class Viewer:
         self.frame.show()
         self.frame.adjustSize()
         self.frame.move(0, 0)
+        self.config = load_config(config)
         self.paths = {}  # topic: its last message
         rospy.init_node("rviz_paths", anonymous=True, disable_signals=True, disable_rosout=True)
         self.listeners = [rospy.Subscriber(display.topic, Path, self.on_path, display.topic)
-                          for display in topic_displays(load_config(config)) if display.kind == "nav_msgs/Path"]
+                          for display in topic_displays(self.config) if display.kind == "nav_msgs/Path"]
 
     def on_path(self, message, topic):
         """A path to be kept in view."""
@@ -75,16 +77,25 @@ class Viewer:
         extent = [max(b - a, MIN_EXTENT) * (1.0 + 2.0 * MARGIN) for a, b in zip(low, high)]
         scale = min(self.panel.width() / extent[0], self.panel.height() / extent[1])
         self.look_down(x, y, scale)
-        self._enlarge(LINE_WIDTH_PX / scale, LABEL_PX / (LABEL_HEIGHT * scale))
-        return {"x": x, "y": y, "scale": scale}
+        return {"x": x, "y": y, "scale": scale, "cell": self._set_scale(CAR_SCALE / scale)}
 
-    def _enlarge(self, width, marker_scale):
-        """No path narrower than `width` (m), no frame drawn with a smaller `marker_scale`."""
+    def _set_scale(self, factor):
+        """Draw all `factor` times as large as the configuration has it. Returns the size of the grid's cells (m)."""
+        config, cell = copy.deepcopy(self.config), None
+        set_scale(config, factor)
         root = self.manager.getRootDisplayGroup()
-        for display in (root.getDisplayAt(i) for i in range(root.numDisplays())):
-            for kind, name, least in (("rviz/Path", "Line Width", width), ("rviz/TF", "Marker Scale", marker_scale)):
-                if display.getClassId() == kind and display.subProp(name).getValue() < least:
-                    display.subProp(name).setValue(least)
+        for i, wanted in enumerate(displays_of(config)):
+            display = root.getDisplayAt(i)
+            for key in LENGTHS.get(wanted["Class"], []):
+                display.subProp(key).setValue(wanted[key])
+            if wanted["Class"] == "rviz/Grid":
+                cell = wanted["Cell Size"]
+                display.subProp("Cell Size").setValue(cell)
+            if wanted["Class"] == "rviz/PointCloud2":
+                display.subProp("Size (Pixels)").setValue(wanted["Size (Pixels)"])
+            for name, shown in wanted.get("Namespaces", {}).items():
+                display.subProp("Namespaces").subProp(name).setValue(shown)
+        return cell
 
     def look_down(self, x, y, scale):
         """View from straight above: (x, y) in the fixed frame (m) is in the middle, `scale` pixels are a metre."""

@@ -58,8 +58,8 @@ def folder(tmp_path_factory):
     return path
 
 
-def shipped():
-    with open(os.path.join(ROOT, "rviz", "vi_ekf_slam.rviz"), encoding="utf-8") as stream:
+def shipped(name="vi_ekf_slam.rviz"):
+    with open(os.path.join(ROOT, "rviz", name), encoding="utf-8") as stream:
         return yaml.safe_load(stream)
 
 
@@ -171,6 +171,15 @@ def test_a_broken_configuration_is_a_failure(folder):
 def test_the_default_export_is_the_shipped_configuration(tmp_path):
     succeed("export_rviz_config.py", "--output", tmp_path / "same.rviz")
     assert yaml.safe_load((tmp_path / "same.rviz").read_text()) == shipped()
+
+
+def test_the_configuration_for_a_room_is_the_shipped_one_at_its_scale(tmp_path):
+    succeed("export_rviz_config.py", "--output", tmp_path / "small.rviz", "--scale", 0.05)
+    small = yaml.safe_load((tmp_path / "small.rviz").read_text())
+    assert small == shipped("handheld.rviz")
+    assert small["Visualization Manager"]["Views"]["Current"]["Distance"] == pytest.approx(
+        0.05 * shipped()["Visualization Manager"]["Views"]["Current"]["Distance"])
+    assert [d["Name"] for d in small["Visualization Manager"]["Displays"]][0] == "Grid (1 m)"
 
 
 def test_an_export_holds_none_of_the_shipped_names(tmp_path):

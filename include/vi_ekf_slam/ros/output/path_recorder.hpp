@@ -13,9 +13,9 @@ namespace vi_ekf_slam {
 /// doubled) when there are too many, so that the whole path stays visible.
 class PathRecorder {
  public:
-  /// `frame`: the path's header.frame_id; `min_distance_m` in m: more points than a decimetre's a screen does
-  /// not show, nor more than `max_points`.
-  explicit PathRecorder(std::string frame, std::size_t max_points = 10000, double min_distance_m = 0.1);
+  /// `frame`: the path's header.frame_id; `min_distance_m` in m: a step of what is carried by hand. More
+  /// points than `max_points` a screen does not show.
+  explicit PathRecorder(std::string frame, std::size_t max_points = 10000, double min_distance_m = 0.02);
 
   /// Whether the pose became a point.
   bool add(Stamp stamp, const SE3& pose);
