@@ -16,7 +16,8 @@ constexpr float kMaxFlowRoundTrip = 0.5f;      // px
 constexpr double kEpipolar = 1.0;              // px from the epipolar line
 constexpr std::size_t kMinForGeometry = 15;    // tracks; eight parameters fit fewer too easily
 constexpr int kMaxUnmatched = 5;               // pairs
-constexpr std::size_t kFewestForExchange = 10; // points
+constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
+constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
 constexpr std::size_t kLittleTexture = 10;     // tracks
 // px, RMS over the lives of tracks on recorded drives: a patch hides the shape of what it shows, and that
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
@@ -48,6 +49,9 @@ std::string problemOf(const FrontEndReport& report) {
   if (report.left != PictureFault::kNone) return std::string("left picture: ") + describe(report.left);
   if (report.right != PictureFault::kNone) return std::string("right picture: ") + describe(report.right);
   if (report.exchanged) return "left and right look exchanged";
+  if (report.without_matches)
+    return "hardly any point is found in the right picture: not of one moment, another calibration, or left and "
+           "right exchanged";
   if (report.without_texture) return "hardly any texture: blurred, or an empty wall";
   return {};
 }
@@ -238,12 +242,13 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
     track.square_sum = forget * track.square_sum + 0.5 * row * row;
     track.weight = forget * track.weight + 1.0;
   }
-  if (2 * report_.matched > tracks_.size()) {
-    exchanged_ = false;
-  } else if (queries.size() >= kFewestForExchange) {
-    exchanged_ = matcher_.lookExchanged(left, right, queries);
+  // Exchanged cameras stay so until pictures match again: what is left to be looked at becomes ever less.
+  if (queries.size() >= kFewestToJudge) {
+    const bool fits = 2 * report_.matched > queries.size();
+    exchanged_ = !fits && (exchanged_ || matcher_.lookExchanged(left, right, queries));
   }
   report_.exchanged = exchanged_;
+  report_.without_matches = queries.size() >= kFewestToJudge && kOfWhichMatch * report_.matched < queries.size();
   // A new one without a match has no depth, and may be seen by the left camera alone.
   for (const Track& track : tracks_) {
     if (track.id == 0 && !track.matched) detector_.noteFailure(track.left);

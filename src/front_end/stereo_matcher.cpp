@@ -115,7 +115,7 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
 bool StereoMatcher::lookExchanged(const Picture& left, const Picture& right,
                                   const std::vector<StereoQuery>& queries) const {
   const auto backward = search(left, right, queries, -1.0);
-  const auto is_exchanged = [](const std::optional<double>& d) { return d && *d <= -2.0 * kScale; };
+  const auto is_exchanged = [](const std::optional<double>& d) { return d && *d <= -kScale; };
   const auto count = static_cast<std::size_t>(std::count_if(backward.begin(), backward.end(), is_exchanged));
   return 2 * count > queries.size();
 }

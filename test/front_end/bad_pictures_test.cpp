@@ -109,6 +109,33 @@ TEST_F(BadPictures, left_and_right_exchanged) {
   EXPECT_EQ("left and right look exchanged", problemOf(front_end_.report()));
 }
 
+TEST_F(BadPictures, left_and_right_exchanged_later_on) {
+  front_end_.process(look());
+  for (int k = 0; k < 20; ++k) { // tracks end meanwhile, and few corners are left to be tried
+    StereoImages images = look();
+    std::swap(images.left, images.right);
+    front_end_.process(images);
+    EXPECT_EQ("left and right look exchanged", problemOf(front_end_.report())) << k;
+  }
+  for (int k = 0; k < 10; ++k) front_end_.process(look());
+  EXPECT_EQ("", problemOf(front_end_.report()));
+  EXPECT_GT(front_end_.report().matched, kCount / 2);
+}
+
+TEST_F(BadPictures, of_which_the_right_one_shows_something_else) {
+  front_end_.process(look());
+  int named = 0;
+  for (int k = 0; k < 20; ++k) {
+    StereoImages images = look();
+    cv::flip(images.right, images.right, 0);
+    EXPECT_LT(front_end_.process(images).features.size(), kCount / 10);
+    EXPECT_FALSE(front_end_.report().exchanged);
+    named += problemOf(front_end_.report()).find("hardly any point is found") == 0 ? 1 : 0;
+  }
+  EXPECT_GT(named, 5); // until hardly any corner is left that has not been tried
+  EXPECT_NE("", problemOf(front_end_.report()));
+}
+
 TEST_F(BadPictures, a_stamp_that_does_not_advance_is_refused_and_a_jump_back_begins_anew) {
   front_end_.process(look());
   const auto before = ids();

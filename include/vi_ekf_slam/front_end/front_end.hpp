@@ -47,6 +47,7 @@ struct FrontEndReport {
   bool stamp_refused = false;   ///< not later than the pair before: nothing was done
   bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
   bool exchanged = false;       ///< left and right look exchanged
+  bool without_matches = false; ///< hardly any point of the left picture is found in the right one
   bool without_texture = false; ///< hardly anything to follow in the left picture (blurred, or an empty wall)
   bool rotation_known = false;  ///< the gyro predicted where the tracks went
   std::size_t followed = 0;     ///< tracks that went on
