@@ -50,8 +50,8 @@ std::string problemOf(const FrontEndReport& report) {
   if (report.right != PictureFault::kNone) return std::string("right picture: ") + describe(report.right);
   if (report.exchanged) return "left and right look exchanged";
   if (report.without_matches)
-    return "hardly any point is found in the right picture: not of one moment, another calibration, or left and "
-           "right exchanged";
+    return "hardly any point is found in the right picture: not of one moment, another calibration, or "
+           "left and right exchanged";
   if (report.without_texture) return "hardly any texture: blurred, or an empty wall";
   return {};
 }
@@ -248,7 +248,8 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
     exchanged_ = !fits && (exchanged_ || matcher_.lookExchanged(left, right, queries));
   }
   report_.exchanged = exchanged_;
-  report_.without_matches = queries.size() >= kFewestToJudge && kOfWhichMatch * report_.matched < queries.size();
+  report_.without_matches =
+      queries.size() >= kFewestToJudge && kOfWhichMatch * report_.matched < queries.size();
   // A new one without a match has no depth, and may be seen by the left camera alone.
   for (const Track& track : tracks_) {
     if (track.id == 0 && !track.matched) detector_.noteFailure(track.left);
