@@ -16,6 +16,7 @@ constexpr float kMaxFlowRoundTrip = 0.5f;      // px
 constexpr double kEpipolar = 1.0;              // px from the epipolar line
 constexpr std::size_t kMinForGeometry = 15;    // tracks; eight parameters fit fewer too easily
 constexpr int kMaxUnmatched = 5;               // pairs
+constexpr double kLightTime = 2.0;             // s; exposure controls are faster, the light of a scene slower
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
 constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
 constexpr std::size_t kLittleTexture = 10;     // tracks
@@ -72,17 +73,20 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
     return {images.stamp, {}};
   }
   newest_stamp_ = images.stamp;
-  const Picture left = makePicture(images.left, calibration_.left.size());
-  const Picture right = makePicture(images.right, calibration_.right.size());
+  Picture left = judgePicture(images.left, calibration_.left.size());
+  Picture right = judgePicture(images.right, calibration_.right.size());
   report_.left = left.fault;
   report_.right = right.fault;
-  report_.brightness = left.brightness;
+  report_.brightness = left.light.mean;
   for (Track& track : tracks_) track.matched = false;
   if (!tracks_.empty() && (has_jumped || hasGap(images.stamp))) {
     tracks_.clear();
     report_.begun_anew = true;
   }
   if (isUseless(left.fault) || isUseless(right.fault)) return {images.stamp, {}};
+  followLight(left.light, images.stamp);
+  preparePicture(left, light_);
+  preparePicture(right, light_);
   follow(left, images.stamp);
   beginTracks(left, images.stamp);
   matchTracks(left, right);
@@ -92,6 +96,13 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   gyro_.forgetBefore(images.stamp);
   summarise(images.stamp);
   return features(left, images.stamp);
+}
+
+/// Slowly, so that pictures are alike from one to the next, and yet hardly changed.
+void FrontEnd::followLight(const Light& light, Stamp stamp) {
+  const double share = last_left_ ? std::min(1.0, secondsBetween(last_stamp_, stamp) / kLightTime) : 1.0;
+  light_.mean += share * (light.mean - light_.mean);
+  light_.contrast += share * (light.contrast - light_.contrast);
 }
 
 /// As the camera moved before, but for the rotation where the gyro has measured it.

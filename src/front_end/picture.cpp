@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/front_end/picture.hpp"
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
@@ -11,22 +12,29 @@ constexpr double kMissing = 0.3; // share of the picture
 constexpr double kAll = 0.95;    // share
 constexpr double kDark = 40.0, kBright = 215.0;
 constexpr int kSaturated = 250;
+constexpr double kMaxGain = 4.0; // two stops; more would be noise
 
 /// What a lost part of a transmission, a covered lens or the sun make: neighbours that are exactly the same,
 /// which the noise of a sensor never makes of block means that are not at an end of the scale.
-PictureFault judge(const cv::Mat& image, double& brightness) {
+PictureFault judge(const cv::Mat& image, Light& light) {
   cv::Mat small;
   cv::resize(image, small, cv::Size(image.cols / kThumbnail, image.rows / kThumbnail), 0, 0, cv::INTER_AREA);
-  brightness = cv::mean(small)[0];
+  const double brightness = cv::mean(small)[0];
+  cv::Mat shown = cv::Mat::zeros(small.size(), CV_8UC1);
   int uniform = 0, saturated = 0;
   for (int y = 0; y + 1 < small.rows; ++y) {
     const auto* row = small.ptr<std::uint8_t>(y);
     const auto* below = small.ptr<std::uint8_t>(y + 1);
     for (int x = 0; x + 1 < small.cols; ++x) {
-      uniform += row[x] == row[x + 1] && row[x] == below[x] && row[x] == below[x + 1];
+      const bool is_uniform = row[x] == row[x + 1] && row[x] == below[x] && row[x] == below[x + 1];
+      uniform += is_uniform;
+      shown.at<std::uint8_t>(y, x) = is_uniform ? 0 : 1;
       saturated += row[x] >= kSaturated;
     }
   }
+  cv::Scalar mean, contrast;
+  cv::meanStdDev(small, mean, contrast, shown);
+  light = {mean[0], contrast[0]};
   const double cells = std::max(1, (small.rows - 1) * (small.cols - 1));
   if (uniform > kAll * cells && brightness < kDark) return PictureFault::kBlack;
   if (saturated > 0.5 * cells || (uniform > kAll * cells && brightness > kBright))
@@ -55,18 +63,26 @@ const char* describe(PictureFault fault) {
   return "";
 }
 
-Picture makePicture(const cv::Mat& image, cv::Size size) {
+Picture judgePicture(const cv::Mat& image, cv::Size size) {
   Picture picture;
   picture.image = image;
   if (image.type() != CV_8UC1 || image.size() != size) {
     picture.fault = PictureFault::kWrongSize;
     return picture;
   }
-  picture.fault = judge(image, picture.brightness);
-  if (!isUseless(picture.fault))
-    cv::buildOpticalFlowPyramid(image, picture.pyramid, cv::Size(kWindow, kWindow), kLevels, true,
-                                cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT, false);
+  picture.fault = judge(image, picture.light);
   return picture;
+}
+
+void preparePicture(Picture& picture, const Light& light) {
+  const double gain = light.contrast > 0.0 && picture.light.contrast > 0.0
+                          ? std::clamp(light.contrast / picture.light.contrast, 1.0 / kMaxGain, kMaxGain)
+                          : 1.0;
+  cv::Mat lit; // not in place: the image is somebody else's
+  picture.image.convertTo(lit, CV_8U, gain, light.mean - gain * picture.light.mean);
+  picture.image = lit;
+  cv::buildOpticalFlowPyramid(picture.image, picture.pyramid, cv::Size(kWindow, kWindow), kLevels, true,
+                              cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT, false);
 }
 
 } // namespace vi_ekf_slam

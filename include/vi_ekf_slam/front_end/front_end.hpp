@@ -91,6 +91,7 @@ class FrontEnd {
 
  private:
   bool hasGap(Stamp stamp) const;
+  void followLight(const Light& light, Stamp stamp);
   SE3 predictMotion(Stamp stamp);
   std::vector<cv::Point2f> predict(const SE3& now_T_before) const;
   void learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp);
@@ -109,6 +110,7 @@ class FrontEnd {
   GyroRotation gyro_;
   std::optional<Eigen::Matrix3d> cam_R_imu_;
   std::optional<Picture> last_left_;
+  Light light_;            ///< of all pictures, once they are prepared
   Stamp last_stamp_ = 0;   ///< of last_left_
   Stamp newest_stamp_ = 0; ///< of any pair
   Vector6d velocity_ =

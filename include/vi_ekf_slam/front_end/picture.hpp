@@ -16,12 +16,18 @@ inline bool isUseless(PictureFault fault) {
   return fault != PictureFault::kNone && fault != PictureFault::kPartlyUniform;
 }
 
+/// How bright a picture is and how much contrast it has: mean and standard deviation of its grey levels, 0 to
+/// 255, coarse and without what is missing.
+struct Light {
+  double mean = 0.0, contrast = 0.0;
+};
+
 /// One image (8 bit, one channel) with the pyramid that optical flow needs; built once, used with the image
 /// before and the one after.
 struct Picture {
   cv::Mat image;
   std::vector<cv::Mat> pyramid; ///< cv::buildOpticalFlowPyramid, with derivatives
-  double brightness = 0.0;      ///< mean, 0 to 255
+  Light light;
   PictureFault fault = PictureFault::kNone;
 };
 
@@ -29,7 +35,10 @@ struct Picture {
 constexpr int kWindow = 15;
 constexpr int kLevels = 2;
 
-/// `size`: what the image must have.
-Picture makePicture(const cv::Mat& image, cv::Size size);
+/// Looks at the image; `size`: what it must have.
+Picture judgePicture(const cv::Mat& image, cv::Size size);
+/// Gives a picture that is of use the light of others, which flow from one to the other takes for granted,
+/// and its pyramid.
+void preparePicture(Picture& picture, const Light& light);
 
 } // namespace vi_ekf_slam
