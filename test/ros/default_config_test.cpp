@@ -44,6 +44,8 @@ Fields fieldsOf(const FullConfig& config) {
   add("inertial.imu_noise", c.inertial.noise);
   add("inertial.imu_bias_sigma",
       Eigen::RowVector2d(c.inertial.gyro_bias_sigma, c.inertial.accelerometer_bias_sigma));
+  add("inertial.imu_scale_sigma",
+      Eigen::RowVector2d(c.inertial.gyro_scale_sigma, c.inertial.accelerometer_scale_sigma));
   add("inertial.gravity", c.inertial.gravity);
   add("invariant.max_tracked", c.max_tracked);
   add("invariant.twist_density", c.motion.twist_density);
@@ -67,7 +69,6 @@ Fields fieldsOf(const FullConfig& config) {
   add("calibration.scale_sigma", c.rig.scale_sigma);
   add("invariant.slip_sigma", c.slip.sigma);
   add("invariant.slip_rotation_sigma", c.slip.rotation_sigma);
-  add("invariant.slip_length_m", c.slip.length_m);
   add("invariant.divergence_window_s", c.recovery.monitor.window_s);
   add("map.keep", static_cast<int>(c.map.keep));
   add("map.min_track_s", c.map.min_track_s);

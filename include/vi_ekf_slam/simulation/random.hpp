@@ -24,7 +24,8 @@ enum class RandomStream : std::uint64_t {
   kStart,
   kRig,
   kAppearance,
-  kLast = kAppearance
+  kImuScales,
+  kLast = kImuScales
 };
 
 /// Random numbers that depend on (seed, stream) alone. The distributions of `<random>` differ between standard

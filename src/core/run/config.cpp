@@ -53,7 +53,6 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.recovery.monitor.window_s);
   section.read("slip_sigma", Range::closed(0.0, 0.5), invariant.slip.sigma);
   section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);
-  section.read("slip_length_m", Range::positive(), invariant.slip.length_m);
   section.read("standstill_px", Range::notNegative(), invariant.standstill_px);
   section.read("max_tracked", Range::closed(1.0, 1e5), invariant.max_tracked);
   section.finish();
@@ -69,17 +68,21 @@ std::string pathBeside(const std::string& source, const std::string& named) {
 void readInertial(YamlSection section, const std::string& source, Inertial::Options& inertial) {
   std::string calibration;
   section.read("imu_calibration", calibration);
-  Eigen::VectorXd noise(4), bias(2);
+  Eigen::VectorXd noise(4), bias(2), scale(2);
   ImuNoise& n = inertial.noise;
   noise << n.gyro_density, n.accelerometer_density, n.gyro_walk, n.accelerometer_walk;
   bias << inertial.gyro_bias_sigma, inertial.accelerometer_bias_sigma;
   section.read("imu_noise", Range::positive(), noise);
   section.read("imu_bias_sigma", Range::positive(), bias);
+  scale << inertial.gyro_scale_sigma, inertial.accelerometer_scale_sigma;
+  section.read("imu_scale_sigma", Range::closed(0.0, 0.3), scale);
   section.read("gravity", Range::closed(1.0, 30.0), inertial.gravity);
   section.finish();
   n = {noise[0], noise[1], noise[2], noise[3]};
   inertial.gyro_bias_sigma = bias[0];
   inertial.accelerometer_bias_sigma = bias[1];
+  inertial.gyro_scale_sigma = scale[0];
+  inertial.accelerometer_scale_sigma = scale[1];
   if (calibration.empty()) return;
   inertial.noise_file = pathBeside(source, calibration);
   n = readImuCalibration(inertial.noise_file);

@@ -1,10 +1,22 @@
 #include "vi_ekf_slam/simulation/inertial/inertial_sensor.hpp"
 
+#include <Eigen/LU>
 #include <cmath>
 
 #include "vi_ekf_slam/simulation/inertial/trajectory.hpp"
 
 namespace vi_ekf_slam::simulation {
+
+namespace {
+
+/// What the sensor makes of what acts on it.
+Eigen::Matrix3d drawnScale(Random& random, double sigma) {
+  Eigen::Matrix3d M;
+  for (Eigen::Index k = 0; k < 3; ++k) M.col(k) = sigma * random.normal3();
+  return (Eigen::Matrix3d::Identity() - M).inverse();
+}
+
+} // namespace
 
 InertialSensor::InertialSensor(const DriveOptions& options, const Eigen::Vector3d& gyro_bias)
     : gyro_walk_(options.gyro_walk / std::sqrt(options.imuRate())),
@@ -14,7 +26,11 @@ InertialSensor::InertialSensor(const DriveOptions& options, const Eigen::Vector3
       noise_random_(options.seed, RandomStream::kImu),
       walk_random_(options.seed, RandomStream::kBiasWalks),
       gyro_bias_(gyro_bias),
-      accelerometer_bias_(options.accelerometer_bias_sigma * walk_random_.normal3()) {}
+      accelerometer_bias_(options.accelerometer_bias_sigma * walk_random_.normal3()) {
+  Random random(options.seed, RandomStream::kImuScales);
+  gyro_scale_ = drawnScale(random, options.gyro_scale_sigma);
+  accelerometer_scale_ = drawnScale(random, options.accelerometer_scale_sigma);
+}
 
 ImuSample InertialSensor::measure(Stamp stamp, const Kinematics& body) {
   if (!first_) {
@@ -24,9 +40,10 @@ ImuSample InertialSensor::measure(Stamp stamp, const Kinematics& body) {
   first_ = false;
   ImuSample sample;
   sample.stamp = stamp;
-  sample.angular_velocity = body.angular_velocity + gyro_bias_ + gyro_sigma_ * noise_random_.normal3();
-  sample.acceleration =
-      specificForce(body) + accelerometer_bias_ + accelerometer_sigma_ * noise_random_.normal3();
+  sample.angular_velocity =
+      gyro_scale_ * body.angular_velocity + gyro_bias_ + gyro_sigma_ * noise_random_.normal3();
+  sample.acceleration = accelerometer_scale_ * specificForce(body) + accelerometer_bias_ +
+                        accelerometer_sigma_ * noise_random_.normal3();
   // Without noise there is none to state: a covariance must be positive definite.
   if (gyro_sigma_ > 0.0) sample.covariance = gyro_sigma_ * gyro_sigma_ * Eigen::Matrix3d::Identity();
   if (accelerometer_sigma_ > 0.0)
