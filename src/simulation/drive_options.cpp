@@ -144,8 +144,6 @@ const std::vector<DriveOptionField>& driveOptionFields() {
        "raw IMU: random walk of the accelerometer's bias"},
       {"accelerometer-bias-sigma", &O::accelerometer_bias_sigma, 0, 5, "m/s^2",
        "raw IMU: first bias of the accelerometer, per axis"},
-      {"gyro-scale-sigma", &O::gyro_scale_sigma, 0, 0.1, "",
-       "raw IMU: scale and alignment of the gyro's axes, each element"},
       {"accelerometer-scale-sigma", &O::accelerometer_scale_sigma, 0, 0.1, "",
        "raw IMU: scale and alignment of the accelerometer's axes, each element"},
       {"frame-offset", &O::frame_offset, 0, 0.99, "",

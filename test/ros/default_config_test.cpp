@@ -44,8 +44,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("inertial.imu_noise", c.inertial.noise);
   add("inertial.imu_bias_sigma",
       Eigen::RowVector2d(c.inertial.gyro_bias_sigma, c.inertial.accelerometer_bias_sigma));
-  add("inertial.imu_scale_sigma",
-      Eigen::RowVector2d(c.inertial.gyro_scale_sigma, c.inertial.accelerometer_scale_sigma));
+  add("inertial.accelerometer_scale_sigma", c.inertial.accelerometer_scale_sigma);
   add("inertial.gravity", c.inertial.gravity);
   add("invariant.max_tracked", c.max_tracked);
   add("invariant.twist_density", c.motion.twist_density);

@@ -81,8 +81,7 @@ struct DriveOptions {
   double gyro_walk = 2e-5;                ///< rad/s^2/Hz^0.5, random walk of the bias
   double accelerometer_walk = 3e-3;       ///< m/s^3/Hz^0.5, random walk of the bias
   double accelerometer_bias_sigma = 0.05; ///< m/s^2, of the first bias, per axis
-  double gyro_scale_sigma = 0.0; ///< 1, of each element of the matrix of its axes' scales and alignment
-  double accelerometer_scale_sigma = 0.0; ///< 1, likewise
+  double accelerometer_scale_sigma = 0.0; ///< 1, of its axes' scales and alignment, each element
   double frame_offset = 0.4;              ///< of the IMU's period, from a sample to the first frame
   bool velocity_samples = false;          ///< a velocity with each sample of a raw IMU
 

@@ -24,8 +24,8 @@ enum class RandomStream : std::uint64_t {
   kStart,
   kRig,
   kAppearance,
-  kImuScales,
-  kLast = kImuScales
+  kImuScale,
+  kLast = kImuScale
 };
 
 /// Random numbers that depend on (seed, stream) alone. The distributions of `<random>` differ between standard

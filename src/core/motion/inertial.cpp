@@ -18,16 +18,7 @@ using Matrix9x3 = Eigen::Matrix<double, 9, 3>;
 using Matrix9d = Eigen::Matrix<double, 9, 9>;
 using Vector9d = Eigen::Matrix<double, 9, 1>;
 
-std::optional<Handle> addScale(Filter& filter, double sigma, const char* name) {
-  if (!(sigma > 0.0)) return std::nullopt;
-  return filter.augment(Chart::kVector, Vector9d::Zero(), sigma * sigma * Matrix9d::Identity(), {}, name);
-}
-
-void resetScale(Filter& filter, const std::optional<Handle>& scale, double sigma) {
-  if (!scale) return;
-  filter.setMean(*scale, Vector9d::Zero());
-  filter.reset(*scale, sigma * sigma * Matrix9d::Identity());
-}
+Matrix9d scaleCovariance(double sigma) { return sigma * sigma * Matrix9d::Identity(); }
 
 } // namespace
 
@@ -38,13 +29,15 @@ void Inertial::addTo(Filter& filter) {
       filter.augment(Chart::kVector, prior_gyro_bias_, isotropic(options_.gyro_bias_sigma), {}, kGyroBias);
   accelerometer_bias_ = filter.augment(Chart::kVector, Eigen::Vector3d::Zero(),
                                        isotropic(options_.accelerometer_bias_sigma), {}, kAccelerometerBias);
-  gyro_scale_ = addScale(filter, options_.gyro_scale_sigma, kGyroScale);
-  accelerometer_scale_ = addScale(filter, options_.accelerometer_scale_sigma, kAccelerometerScale);
+  accelerometer_scale_.reset();
+  if (options_.accelerometer_scale_sigma > 0.0)
+    accelerometer_scale_ =
+        filter.augment(Chart::kVector, Vector9d::Zero(), scaleCovariance(options_.accelerometer_scale_sigma),
+                       {}, kAccelerometerScale);
 }
 
 std::vector<std::string> Inertial::variables() const {
   std::vector<std::string> names{kVelocity, kGyroBias, kAccelerometerBias};
-  if (options_.gyro_scale_sigma > 0.0) names.emplace_back(kGyroScale);
   if (options_.accelerometer_scale_sigma > 0.0) names.emplace_back(kAccelerometerScale);
   return names;
 }
@@ -80,17 +73,17 @@ void Inertial::setBiasPrior(Filter& filter, const TwistBias& bias) {
 ///   dp' = dp + ([g]x dt^2 / 2 - [p' - p]x) theta + e_v dt - R D2 dt^3 db_g - R G2 dt^2 db_a
 ///
 /// with B = R J_l(w dt) dt and D_k the derivative of G_k(w dt) a by w dt, to first order in it. White noise
-/// of the IMU enters as an error of its bias does. Of M = [m_1 m_2 m_3] of a sensor that shows u beside its
-/// bias, the sum of u_k dm_k is too much, and of the bias (I - M) db.
+/// of the IMU enters as an error of its bias does. Of M = [m_1 m_2 m_3] and u = a_m - b_a the sum of u_k dm_k
+/// is too much, and of the bias (I - M) db_a.
 void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const {
   const double dt = secondsBetween(from, to);
   const ImuInterval input = imu.over(from, to);
   const Eigen::Matrix3d& R = filter.pose().rotation();
   const Eigen::Vector3d v = filter.variables().mean(velocity_);
-  const Eigen::Vector3d shown_w = input.rate - gyroBias(filter),
-                        shown_a = input.acceleration - filter.variables().mean(accelerometer_bias_);
-  const Eigen::Matrix3d Cg = corrected(filter, gyro_scale_), Ca = corrected(filter, accelerometer_scale_);
-  const Eigen::Vector3d w = Cg * shown_w, a = Ca * shown_a;
+  const Eigen::Vector3d w = input.rate - gyroBias(filter);
+  const Eigen::Vector3d shown = input.acceleration - filter.variables().mean(accelerometer_bias_);
+  const Eigen::Matrix3d C = unscaling(filter);
+  const Eigen::Vector3d a = C * shown;
   const Eigen::Vector3d g(0.0, 0.0, -options_.gravity), phi = dt * w;
   const Eigen::Matrix3d G1 = so3::leftJacobian(phi), G2 = so3::secondIntegral(phi);
   const Eigen::Vector3d gained = dt * (R * (G1 * a) + g);
@@ -99,30 +92,25 @@ void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp 
   const Eigen::Matrix3d A = so3::hat(a), W = so3::hat(phi), WA = so3::hat(w.cross(a) * dt);
   const Eigen::Matrix3d D1 = -0.5 * A - (WA + W * A) / 6.0, D2 = -A / 6.0 - (WA + W * A) / 24.0;
   const Eigen::Matrix3d B = dt * R * G1;
-  Matrix9x3 by_rate, by_force; // rows dp, theta, e_v, by what is too much of w and a
-  by_rate << -dt * dt * dt * R * D2, -B, -dt * dt * R * D1 - so3::hat(v + gained) * B;
+  Matrix9x3 by_gyro, by_force; // rows dp, theta, e_v, by what is too much of w and a
+  by_gyro << -dt * dt * dt * R * D2, -B, -dt * dt * R * D1 - so3::hat(v + gained) * B;
   by_force << -dt * dt * R * G2, Eigen::Matrix3d::Zero(), -B;
-  const Matrix9x3 by_gyro = by_rate * Cg, by_accelerometer = by_force * Ca;
+  const Matrix9x3 by_accelerometer = by_force * C;
 
   const Eigen::Index row = filter.rowOf(velocity_), bg = filter.rowOf(gyro_bias_),
                      ba = filter.rowOf(accelerometer_bias_);
   CoreStep step;
   step.pose = SE3(so3::normalized(R * so3::Exp(phi)), filter.pose().translation() + moved);
   step.means = {{velocity_, v + gained}};
-  step.F.setZero(row + 3, ba + 3 + (gyro_scale_ ? 9 : 0) + (accelerometer_scale_ ? 9 : 0));
+  step.F.setZero(row + 3, ba + 3 + (accelerometer_scale_ ? 9 : 0));
   step.F.leftCols(row + 3).setIdentity();
   step.F.block<3, 3>(0, 3) = 0.5 * dt * dt * so3::hat(g) - so3::hat(moved);
   step.F.block<3, 3>(0, row) = dt * Eigen::Matrix3d::Identity();
   step.F.block<3, 3>(row, 3) = dt * so3::hat(g);
   step.F.block<9, 3>(0, bg) = by_gyro;
   step.F.block<9, 3>(0, ba) = by_accelerometer;
-  const auto by_scale = [&](const std::optional<Handle>& scale, const Matrix9x3& by_sensor,
-                            const Eigen::Vector3d& u) {
-    for (Eigen::Index k = 0; scale && k < 3; ++k)
-      step.F.block<9, 3>(0, filter.rowOf(*scale) + 3 * k) = u[k] * by_sensor;
-  };
-  by_scale(gyro_scale_, by_rate, shown_w);
-  by_scale(accelerometer_scale_, by_force, shown_a);
+  for (Eigen::Index k = 0; accelerometer_scale_ && k < 3; ++k)
+    step.F.block<9, 3>(0, filter.rowOf(*accelerometer_scale_) + 3 * k) = shown[k] * by_force;
   step.Q.setZero(ba + 3, ba + 3);
   step.Q.topLeftCorner<9, 9>() =
       (by_gyro * input.rate_density * by_gyro.transpose() +
@@ -182,20 +170,21 @@ void Inertial::resetBiases(Filter& filter) const {
   filter.reset(gyro_bias_, isotropic(options_.gyro_bias_sigma));
   filter.setMean(accelerometer_bias_, Eigen::Vector3d::Zero());
   filter.reset(accelerometer_bias_, isotropic(options_.accelerometer_bias_sigma));
-  resetScale(filter, gyro_scale_, options_.gyro_scale_sigma);
-  resetScale(filter, accelerometer_scale_, options_.accelerometer_scale_sigma);
+  if (!accelerometer_scale_) return;
+  filter.setMean(*accelerometer_scale_, Vector9d::Zero());
+  filter.reset(*accelerometer_scale_, scaleCovariance(options_.accelerometer_scale_sigma));
 }
 
-Eigen::Matrix3d Inertial::corrected(const Filter& filter, const std::optional<Handle>& scale) {
-  if (!scale) return Eigen::Matrix3d::Identity();
-  const Vector9d M = filter.variables().mean(*scale);
+Eigen::Matrix3d Inertial::unscaling(const Filter& filter) const {
+  if (!accelerometer_scale_) return Eigen::Matrix3d::Identity();
+  const Vector9d M = filter.variables().mean(*accelerometer_scale_);
   return Eigen::Matrix3d::Identity() - Eigen::Map<const Eigen::Matrix3d>(M.data());
 }
 
 Vector6d Inertial::twist(const Filter& filter, const ImuTrack& imu, Stamp now) const {
   Vector6d twist;
   twist << filter.pose().rotation().transpose() * filter.variables().mean(velocity_),
-      corrected(filter, gyro_scale_) * (imu.rateAt(now) - gyroBias(filter));
+      imu.rateAt(now) - gyroBias(filter);
   return twist;
 }
 

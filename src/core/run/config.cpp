@@ -68,21 +68,18 @@ std::string pathBeside(const std::string& source, const std::string& named) {
 void readInertial(YamlSection section, const std::string& source, Inertial::Options& inertial) {
   std::string calibration;
   section.read("imu_calibration", calibration);
-  Eigen::VectorXd noise(4), bias(2), scale(2);
+  Eigen::VectorXd noise(4), bias(2);
   ImuNoise& n = inertial.noise;
   noise << n.gyro_density, n.accelerometer_density, n.gyro_walk, n.accelerometer_walk;
   bias << inertial.gyro_bias_sigma, inertial.accelerometer_bias_sigma;
   section.read("imu_noise", Range::positive(), noise);
   section.read("imu_bias_sigma", Range::positive(), bias);
-  scale << inertial.gyro_scale_sigma, inertial.accelerometer_scale_sigma;
-  section.read("imu_scale_sigma", Range::closed(0.0, 0.3), scale);
+  section.read("accelerometer_scale_sigma", Range::closed(0.0, 0.3), inertial.accelerometer_scale_sigma);
   section.read("gravity", Range::closed(1.0, 30.0), inertial.gravity);
   section.finish();
   n = {noise[0], noise[1], noise[2], noise[3]};
   inertial.gyro_bias_sigma = bias[0];
   inertial.accelerometer_bias_sigma = bias[1];
-  inertial.gyro_scale_sigma = scale[0];
-  inertial.accelerometer_scale_sigma = scale[1];
   if (calibration.empty()) return;
   inertial.noise_file = pathBeside(source, calibration);
   n = readImuCalibration(inertial.noise_file);

@@ -127,7 +127,6 @@ Config toldTheTruth(Config config, const DriveOptions& options) {
   filter.inertial.noise = {options.gyro_density, options.accelerometer_density, options.gyro_walk,
                            options.accelerometer_walk};
   filter.inertial.noise_given = true;
-  filter.inertial.gyro_scale_sigma = options.gyro_scale_sigma;
   filter.inertial.accelerometer_scale_sigma = options.accelerometer_scale_sigma;
   filter.inertial.gravity = kGravity;
   if (options.pixel_sigma > 0.0) filter.stereo.pixel_sigma = options.pixel_sigma;

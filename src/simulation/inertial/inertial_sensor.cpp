@@ -7,17 +7,6 @@
 
 namespace vi_ekf_slam::simulation {
 
-namespace {
-
-/// What the sensor makes of what acts on it.
-Eigen::Matrix3d drawnScale(Random& random, double sigma) {
-  Eigen::Matrix3d M;
-  for (Eigen::Index k = 0; k < 3; ++k) M.col(k) = sigma * random.normal3();
-  return (Eigen::Matrix3d::Identity() - M).inverse();
-}
-
-} // namespace
-
 InertialSensor::InertialSensor(const DriveOptions& options, const Eigen::Vector3d& gyro_bias)
     : gyro_walk_(options.gyro_walk / std::sqrt(options.imuRate())),
       accelerometer_walk_(options.accelerometer_walk / std::sqrt(options.imuRate())),
@@ -27,9 +16,10 @@ InertialSensor::InertialSensor(const DriveOptions& options, const Eigen::Vector3
       walk_random_(options.seed, RandomStream::kBiasWalks),
       gyro_bias_(gyro_bias),
       accelerometer_bias_(options.accelerometer_bias_sigma * walk_random_.normal3()) {
-  Random random(options.seed, RandomStream::kImuScales);
-  gyro_scale_ = drawnScale(random, options.gyro_scale_sigma);
-  accelerometer_scale_ = drawnScale(random, options.accelerometer_scale_sigma);
+  Random random(options.seed, RandomStream::kImuScale);
+  Eigen::Matrix3d M;
+  for (Eigen::Index k = 0; k < 3; ++k) M.col(k) = options.accelerometer_scale_sigma * random.normal3();
+  accelerometer_scale_ = (Eigen::Matrix3d::Identity() - M).inverse();
 }
 
 ImuSample InertialSensor::measure(Stamp stamp, const Kinematics& body) {
@@ -40,8 +30,7 @@ ImuSample InertialSensor::measure(Stamp stamp, const Kinematics& body) {
   first_ = false;
   ImuSample sample;
   sample.stamp = stamp;
-  sample.angular_velocity =
-      gyro_scale_ * body.angular_velocity + gyro_bias_ + gyro_sigma_ * noise_random_.normal3();
+  sample.angular_velocity = body.angular_velocity + gyro_bias_ + gyro_sigma_ * noise_random_.normal3();
   sample.acceleration = accelerometer_scale_ * specificForce(body) + accelerometer_bias_ +
                         accelerometer_sigma_ * noise_random_.normal3();
   // Without noise there is none to state: a covariance must be positive definite.

@@ -39,18 +39,18 @@ inline ImuTrack steadyImu(const Inertial::Options& options, const Eigen::Vector3
   return imu;
 }
 
-/// A filter of the fifteen errors (dp, theta, e_v, db_g, db_a), and points behind them; of 33 with `scales`,
-/// those of both sensors.
+/// A filter of the fifteen errors (dp, theta, e_v, db_g, db_a), and points behind them; of 24 with `scale`,
+/// the accelerometer's.
 struct InertialScene {
   explicit InertialScene(Inertial::Options options = withoutImuNoise(), const SE3& pose = SE3(),
-                         bool scales = false)
-      : filter(pose, Matrix6d::Identity()), motion(withScales(std::move(options), scales)) {
+                         bool scale = false)
+      : filter(pose, Matrix6d::Identity()), motion(withScale(std::move(options), scale)) {
     motion.addTo(filter);
     filter.closeCore();
   }
 
-  static Inertial::Options withScales(Inertial::Options options, bool scales) {
-    if (!scales) options.gyro_scale_sigma = options.accelerometer_scale_sigma = 0.0;
+  static Inertial::Options withScale(Inertial::Options options, bool scale) {
+    if (!scale) options.accelerometer_scale_sigma = 0.0;
     return options;
   }
   Eigen::Vector3d velocity() const { return filter.variables().mean(motion.velocityVariable()); }
@@ -67,16 +67,14 @@ struct InertialScene {
 
 /// Anywhere, turned and moving in any way, with biases.
 inline InertialScene randomInertial(Random& random, const Inertial::Options& options = withoutImuNoise(),
-                                    bool scales = false) {
+                                    bool scale = false) {
   InertialScene scene(options, SE3(so3::Exp(random.vector<3>(-2.0, 2.0)), random.vector<3>(-20.0, 20.0)),
-                      scales);
+                      scale);
   scene.filter.setMean(scene.motion.velocityVariable(), random.vector<3>(-5.0, 5.0));
   scene.filter.setMean(scene.motion.gyroBiasVariable(), random.vector<3>(-0.1, 0.1));
   scene.filter.setMean(scene.motion.accelerometerBiasVariable(), random.vector<3>(-0.5, 0.5));
-  for (const std::optional<Handle> scale :
-       {scene.motion.gyroScaleVariable(), scene.motion.accelerometerScaleVariable()}) {
-    if (scale) scene.filter.setMean(*scale, random.vector<9>(-0.02, 0.02));
-  }
+  if (const auto M = scene.motion.accelerometerScaleVariable())
+    scene.filter.setMean(*M, random.vector<9>(-0.02, 0.02));
   return scene;
 }
 

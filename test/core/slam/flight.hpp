@@ -159,7 +159,7 @@ inline InvariantConfig inertialConfig(const FlightOptions& options, double pixel
   config.choice = MotionChoice::kInertial;
   config.inertial.noise = options.noise;
   config.inertial.noise_given = true;
-  config.inertial.gyro_scale_sigma = config.inertial.accelerometer_scale_sigma = 0.0; // as its axes are
+  config.inertial.accelerometer_scale_sigma = 0.0; // as its axes are
   config.stereo.pixel_sigma = pixel_sigma;
   return config;
 }

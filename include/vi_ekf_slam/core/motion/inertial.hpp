@@ -13,9 +13,9 @@ namespace vi_ekf_slam {
 ///
 ///   R' = R G0(w dt),   v' = v + (R G1(w dt) a + g) dt,   p' = p + v dt + (R G2(w dt) a + g / 2) dt^2
 ///
-/// with w = (I - M_g) (w_m - b_g), a = (I - M_a) (a_m - b_a) held over a step and G_k the integrals of the
-/// rotation (so3). M (3x3) is what is wrong with the scale and the alignment of each sensor's axes: constant,
-/// and known to some per cent where an IMU is used as it comes.
+/// with w = w_m - b_g, a = (I - M) (a_m - b_a) held over a step and G_k the integrals of the rotation (so3).
+/// M (3x3) is what is wrong with the scale and the alignment of the accelerometer's axes: constant, and known
+/// to a per cent where an IMU is used as it comes.
 class Inertial : public MotionModel {
  public:
   struct Options {
@@ -25,9 +25,7 @@ class Inertial : public MotionModel {
     double gravity = 9.81;                 ///< m/s^2
     double gyro_bias_sigma = 0.1;          ///< rad/s, standard deviation beforehand, per axis
     double accelerometer_bias_sigma = 0.2; ///< m/s^2
-    /// 1, of each element of M_g and M_a; 0: the IMU has none. Of the size of what datasheets of MEMS IMUs
-    /// give.
-    double gyro_scale_sigma = 0.002, accelerometer_scale_sigma = 0.01;
+    double accelerometer_scale_sigma = 0.01; ///< 1, of each element of M; 0: there is none. Of datasheets
     double velocity_sigma = 15.0;          ///< m/s, of an unknown velocity
     double measured_velocity_sigma = 0.1;  ///< m/s, of a measured one without a covariance
   };
@@ -37,7 +35,7 @@ class Inertial : public MotionModel {
   /// Names of its variables: m/s along the world's axes, rad/s and m/s^2 along the IMU's, 1 (column by
   /// column).
   static constexpr const char *kVelocity = "velocity", *kGyroBias = "gyro_bias",
-                              *kAccelerometerBias = "accelerometer_bias", *kGyroScale = "gyro_scale",
+                              *kAccelerometerBias = "accelerometer_bias",
                               *kAccelerometerScale = "accelerometer_scale";
 
   void addTo(Filter& filter) override;
@@ -64,18 +62,17 @@ class Inertial : public MotionModel {
   Handle velocityVariable() const { return velocity_; }
   Handle gyroBiasVariable() const { return gyro_bias_; }
   Handle accelerometerBiasVariable() const { return accelerometer_bias_; }
-  std::optional<Handle> gyroScaleVariable() const { return gyro_scale_; }
   std::optional<Handle> accelerometerScaleVariable() const { return accelerometer_scale_; }
 
  private:
   void resetBiases(Filter& filter) const;
-  /// (I - M) of a sensor's scale.
-  static Eigen::Matrix3d corrected(const Filter& filter, const std::optional<Handle>& scale);
+  /// I - M.
+  Eigen::Matrix3d unscaling(const Filter& filter) const;
 
   Options options_;
   Eigen::Vector3d prior_gyro_bias_ = Eigen::Vector3d::Zero(); ///< mean
   Handle velocity_ = 0, gyro_bias_ = 0, accelerometer_bias_ = 0;
-  std::optional<Handle> gyro_scale_, accelerometer_scale_; ///< nothing: known
+  std::optional<Handle> accelerometer_scale_; ///< nothing: known
 };
 
 } // namespace vi_ekf_slam

@@ -8,7 +8,7 @@
 namespace vi_ekf_slam::simulation {
 
 /// Gyro and accelerometer: the exact angular rate and specific force at the sample's stamp, plus biases that
-/// are random walks, plus white noise; axes whose scale and alignment are not right.
+/// are random walks, plus white noise; the accelerometer's axes with wrong scales and alignment.
 class InertialSensor {
  public:
   /// `gyro_bias`: of the first sample, rad/s.
@@ -25,7 +25,7 @@ class InertialSensor {
   double gyro_sigma_, accelerometer_sigma_; ///< of a sample's white noise
   Random noise_random_, walk_random_;
   Eigen::Vector3d gyro_bias_, accelerometer_bias_;
-  Eigen::Matrix3d gyro_scale_, accelerometer_scale_;
+  Eigen::Matrix3d accelerometer_scale_; ///< what is shown of a force
   bool first_ = true;
 };
 
