@@ -15,7 +15,7 @@ class PathRecorder {
  public:
   /// `frame`: the path's header.frame_id; `min_distance_m` in m: a step of what is carried by hand. More
   /// points than `max_points` a screen does not show.
-  explicit PathRecorder(std::string frame, std::size_t max_points = 10000, double min_distance_m = 0.02);
+  explicit PathRecorder(std::string frame, std::size_t max_points = 10000, double min_distance_m = 0.05);
 
   /// Whether the pose became a point.
   bool add(Stamp stamp, const SE3& pose);
