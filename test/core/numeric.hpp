@@ -23,6 +23,15 @@ class Random {
     return v;
   }
 
+  /// Independent normal numbers of standard deviation `sigma`.
+  template <int N>
+  Eigen::Matrix<double, N, 1> gaussian(double sigma) {
+    std::normal_distribution<double> draw;
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = 0; i < N; ++i) v[i] = sigma * draw(engine_);
+    return v;
+  }
+
   Eigen::Vector3d direction() {
     Eigen::Vector3d v = vector<3>(-1.0, 1.0);
     while (v.norm() < 0.1) v = vector<3>(-1.0, 1.0);

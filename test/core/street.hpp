@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <vector>
 
 #include "numeric.hpp"
@@ -20,6 +22,18 @@ inline SE3 noseToOptical() {
 
 inline StereoRig exampleRig() { return {{718.0, 552.0, 607.0, 185.0, 0.54}, noseToOptical()}; }
 
+/// Where the pair of exampleRig(), whose pictures have 1240 x 370 px, sees a point of the world (m); empty:
+/// nearer than 2 m, beyond `farthest`, or out of the picture.
+inline std::optional<StereoPixels> seen(const Eigen::Vector3d& point, const SE3& world_T_imu,
+                                        double farthest = std::numeric_limits<double>::infinity()) {
+  static const StereoRig rig = exampleRig();
+  const Eigen::Vector3d p = rig.cam_T_imu * world_T_imu.inverse() * point;
+  if (p.z() < 2.0 || p.z() > farthest) return std::nullopt;
+  const StereoPixels z = rig.camera.project(p);
+  if (z[0] < 0.0 || z[0] > 1240.0 || z[2] < 0.0 || z[1] < 0.0 || z[1] > 370.0) return std::nullopt;
+  return z;
+}
+
 /// A drive along a street of landmarks: they come into view ahead and leave it beside the vehicle.
 class Street {
  public:
@@ -32,16 +46,12 @@ class Street {
 
   /// What the pair sees from `world_T_imu`, each pixel off by up to `noise`.
   StereoFrame frame(Stamp stamp, const SE3& world_T_imu, double noise) {
-    const StereoRig rig = exampleRig();
-    const SE3 cam_T_world = rig.cam_T_imu * world_T_imu.inverse();
     StereoFrame frame;
     frame.stamp = stamp;
     for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Eigen::Vector3d p = cam_T_world * points_[i];
-      if (p.z() < 2.0 || p.z() > 15.0) continue;
-      const StereoPixels z = rig.camera.project(p);
-      if (z[0] < 0.0 || z[0] > 1240.0 || z[2] < 0.0 || z[1] < 0.0 || z[1] > 370.0) continue;
-      frame.features.push_back({static_cast<FeatureId>(i), z + random_.vector<4>(-noise, noise)});
+      const auto z = seen(points_[i], world_T_imu, 15.0);
+      if (!z) continue;
+      frame.features.push_back({static_cast<FeatureId>(i), *z + random_.vector<4>(-noise, noise)});
     }
     return frame;
   }

@@ -8,14 +8,6 @@ namespace vi_ekf_slam::test {
 
 constexpr double kGravity = 9.81;
 
-template <int N>
-Eigen::Matrix<double, N, 1> gaussian(Random& random, double sigma) {
-  std::normal_distribution<double> draw;
-  Eigen::Matrix<double, N, 1> v;
-  for (int i = 0; i < N; ++i) v[i] = sigma * draw(random.engine());
-  return v;
-}
-
 inline Inertial::Options withoutImuNoise(Inertial::Options options = {}) {
   options.noise = {0.0, 0.0, 0.0, 0.0};
   options.noise_given = true;

@@ -72,11 +72,11 @@ class Flight {
     const ImuNoise& n = options_.noise;
     ImuSample sample;
     sample.stamp = last_ = stamp();
-    sample.angular_velocity = rate(t) + gyro_bias_ + normal<3>(n.gyro_density / std::sqrt(dt));
+    sample.angular_velocity = rate(t) + gyro_bias_ + random_.gaussian<3>(n.gyro_density / std::sqrt(dt));
     sample.acceleration = rotation(t).transpose() * (derivative(t, 2) + Eigen::Vector3d(0.0, 0.0, kGravity)) +
-                          accelerometer_bias_ + normal<3>(n.accelerometer_density / std::sqrt(dt));
-    gyro_bias_ += normal<3>(n.gyro_walk * std::sqrt(dt));
-    accelerometer_bias_ += normal<3>(n.accelerometer_walk * std::sqrt(dt));
+                          accelerometer_bias_ + random_.gaussian<3>(n.accelerometer_density / std::sqrt(dt));
+    gyro_bias_ += random_.gaussian<3>(n.gyro_walk * std::sqrt(dt));
+    accelerometer_bias_ += random_.gaussian<3>(n.accelerometer_walk * std::sqrt(dt));
     ++count_;
     return sample;
   }
@@ -84,14 +84,11 @@ class Flight {
   StereoFrame frame() {
     StereoFrame frame;
     frame.stamp = last_;
-    const StereoRig rig = exampleRig();
-    const SE3 cam_T_world = rig.cam_T_imu * pose(lastSeconds()).inverse();
+    const SE3 world_T_imu = pose(lastSeconds());
     for (std::size_t i = 0; i < points_.size(); ++i) {
-      const Eigen::Vector3d q = cam_T_world * points_[i];
-      if (q.z() < 2.0) continue;
-      const StereoPixels z = rig.camera.project(q);
-      if (z[0] < 0.0 || z[0] > 1240.0 || z[2] < 0.0 || z[1] < 0.0 || z[1] > 370.0) continue;
-      frame.features.push_back({static_cast<FeatureId>(i + 1), z + normal<4>(options_.pixel)});
+      const auto z = seen(points_[i], world_T_imu);
+      if (z)
+        frame.features.push_back({static_cast<FeatureId>(i + 1), *z + random_.gaussian<4>(options_.pixel)});
     }
     return frame;
   }
@@ -112,10 +109,8 @@ class Flight {
     return state;
   }
 
-  template <int N>
-  Eigen::Matrix<double, N, 1> normal(double sigma) {
-    return gaussian<N>(random_, sigma);
-  }
+  /// Of the flight's own draws.
+  Random& random() { return random_; }
 
  private:
   static constexpr Stamp kBegin = 1000000000000;

@@ -55,7 +55,7 @@ TEST(InertialConsistency, ErrorsOfPoseVelocityAndBiasesAreThoseOfTheirCovariance
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     Flight flight(seed, noisyFlight());
     InertialEstimator estimator = inertialEstimator(inertialConfig(noisyFlight()));
-    estimator.begin(flight.initialState(sigma, sigma.cwiseProduct(flight.normal<15>(1.0))));
+    estimator.begin(flight.initialState(sigma, sigma.cwiseProduct(flight.random().gaussian<15>(1.0))));
     for (std::size_t k = 0; k < times.size(); ++k) {
       while (flight.seconds() < times[k] - 1e-6) {
         const FrameReport report = flight.feed(estimator);
@@ -78,7 +78,7 @@ TEST(InertialConsistency, TheImuAloneIsAsWrongAsItSays) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     Flight flight(100 + seed, options);
     InertialEstimator estimator = inertialEstimator(inertialConfig(options));
-    estimator.begin(flight.initialState(sigma, sigma.cwiseProduct(flight.normal<15>(1.0))));
+    estimator.begin(flight.initialState(sigma, sigma.cwiseProduct(flight.random().gaussian<15>(1.0))));
     while (flight.seconds() < 30.0) flight.feedSample(estimator, [](auto&) {});
     const SavedMap map = estimator.savedMap()();
     position += neesOf(flight, map, Eigen::VectorXi::LinSpaced(3, 0, 2)) / kSeeds;

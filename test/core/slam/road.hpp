@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <optional>
-#include <random>
 #include <vector>
 
 #include "../covariances.hpp"
@@ -41,14 +39,14 @@ class Road {
   void setGyroBias(const Eigen::Vector3d& bias) { gyro_bias_ = bias; }
 
   /// Gyro, velocity and frame of now.
-  ImuSample gyro() { return {stamp_, twist_.tail<3>() + gyro_bias_ + normal<3>(noise_.gyro), {}}; }
-  VelocitySample velocity() { return {stamp_, twist_.head<3>() + normal<3>(noise_.velocity), {}}; }
+  ImuSample gyro() { return {stamp_, twist_.tail<3>() + gyro_bias_ + random_.gaussian<3>(noise_.gyro), {}}; }
+  VelocitySample velocity() { return {stamp_, twist_.head<3>() + random_.gaussian<3>(noise_.velocity), {}}; }
   StereoFrame frame() {
     StereoFrame frame;
     frame.stamp = stamp_;
     for (Point& point : points_) {
-      if (!project(point)) spawn(point);
-      frame.features.push_back({point.id, *project(point) + normal<4>(noise_.pixel)});
+      if (!seen(point.world, pose_)) spawn(point);
+      frame.features.push_back({point.id, *seen(point.world, pose_) + random_.gaussian<4>(noise_.pixel)});
     }
     return frame;
   }
@@ -96,22 +94,6 @@ class Road {
     Eigen::Vector3d world = Eigen::Vector3d::Zero();
   };
 
-  template <int N>
-  Eigen::Matrix<double, N, 1> normal(double sigma) {
-    std::normal_distribution<double> draw;
-    Eigen::Matrix<double, N, 1> v;
-    for (int i = 0; i < N; ++i) v[i] = sigma * draw(random_.engine());
-    return v;
-  }
-
-  std::optional<StereoPixels> project(const Point& point) const {
-    const Eigen::Vector3d q = rig_.cam_T_imu * pose_.inverse() * point.world;
-    if (q.z() < 2.0) return std::nullopt;
-    const StereoPixels z = rig_.camera.project(q);
-    const bool inside = z[0] > 0.0 && z[0] < 1240.0 && z[2] > 0.0 && z[1] > 0.0 && z[1] < 370.0;
-    return inside ? std::optional<StereoPixels>(z) : std::nullopt;
-  }
-
   void spawn(Point& point) {
     point.id = next_id_++;
     const SE3 world_T_cam = pose_ * rig_.cam_T_imu.inverse();
@@ -120,7 +102,7 @@ class Road {
       const double u = random_.uniform(50.0, 1190.0), v = random_.uniform(20.0, 350.0);
       point.world = world_T_cam * Eigen::Vector3d((u - rig_.camera.cu) / rig_.camera.fu * depth,
                                                   (v - rig_.camera.cv) / rig_.camera.fv * depth, depth);
-    } while (!project(point));
+    } while (!seen(point.world, pose_));
   }
 
   Random random_;

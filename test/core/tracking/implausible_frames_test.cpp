@@ -20,13 +20,9 @@ class Lorry {
 
   /// Appends its features to `frame`.
   void fill(StereoFrame& frame, double pixel_sigma) {
-    std::normal_distribution<double> normal(0.0, pixel_sigma);
     const StereoCamera camera = exampleRig().camera;
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      StereoPixels z = camera.project(points_[i]);
-      for (int k = 0; k < 4; ++k) z[k] += normal(random_.engine());
-      frame.features.push_back({1000000 + i, z});
-    }
+    for (std::size_t i = 0; i < points_.size(); ++i)
+      frame.features.push_back({1000000 + i, camera.project(points_[i]) + random_.gaussian<4>(pixel_sigma)});
   }
 
  private:
