@@ -22,7 +22,7 @@ from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.evaluation.offline_run import judge, run_bag
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 DATA = os.environ.get("VI_EKF_SLAM_DATA", os.path.join(ROOT, "..", "shared", "data"))
 CLEAN = ("--velocity-sigma", "0.1", "--gyro-sigma", "0.01")  # what an INS is worth that nothing was added to
 EXTRA = ("0001", "0009", "0036", "0039", "0051", "0095")

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PROGRAM = os.path.join(ROOT, "build", "devel", "lib", "vi_ekf_slam", "growth_benchmark")
 HEADER = ("in view", "out of view", "frame, mean", "frame, median", "frame, longest", "map", "process, peak")
 

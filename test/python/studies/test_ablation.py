@@ -1,4 +1,4 @@
-"""What scripts/ablation.py runs exists, and its tables say what was found."""
+"""What scripts/studies/ablation.py runs exists, and its tables say what was found."""
 
 import importlib.util
 import os
@@ -9,7 +9,7 @@ from conftest import ROOT
 
 @pytest.fixture
 def ablation():
-    spec = importlib.util.spec_from_file_location("ablation", os.path.join(ROOT, "scripts", "ablation.py"))
+    spec = importlib.util.spec_from_file_location("ablation", os.path.join(ROOT, "scripts", "studies", "ablation.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
