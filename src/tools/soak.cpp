@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
@@ -274,6 +275,7 @@ class Soak {
 } // namespace vi_ekf_slam
 
 int main(int argc, char** argv) {
+  vi_ekf_slam::keepFreedMemory();
   try {
     vi_ekf_slam::Options options = vi_ekf_slam::parse(argc, argv);
     if (options.output.empty()) {
