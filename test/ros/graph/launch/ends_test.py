@@ -92,7 +92,10 @@ class Ends(LaunchRunner):
     def test_with_a_bag_all_ends_with_the_node(self):
         """And says which of them was required."""
         process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
-        os.kill(self.child(process, "slam_node"), signal.SIGTERM)
+        node = self.child(process, "slam_node")
+        self.assertTrue(wait_for(lambda: self.catches(node, signal.SIGTERM)))
+        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+        os.kill(node, signal.SIGTERM)
         said = self.finish(process)
         self.assertIn("REQUIRED process [slam-", said)
         self.assertTrue(wait_for(lambda: not processes_with(self.folder)), processes_with(self.folder))

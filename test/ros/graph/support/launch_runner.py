@@ -82,8 +82,10 @@ class LaunchRunner(unittest.TestCase):
         try:
             return process.communicate(timeout=LIMIT)[0].decode(errors="replace")
         except subprocess.TimeoutExpired:
-            process.kill()
-            self.fail("roslaunch does not end: " + process.communicate()[0].decode(errors="replace"))
+            left = processes_with(self.folder)
+            for pid, _ in left:  # they would hold the pipe open
+                os.kill(pid, signal.SIGKILL)
+            self.fail("roslaunch does not end, these run: %s; %s" % (left, process.communicate()[0].decode(errors="replace")))
 
     def launch(self, *arguments):
         """Plays the bag with a master of its own; returns (status, what was said)."""
