@@ -28,7 +28,7 @@ struct Integral {
 };
 
 struct Equations {
-  Eigen::MatrixXd A; ///< of (v_0, g, b_a), whitened
+  Eigen::MatrixXd A; ///< of (v_0, g, b_a, the error of p_0), whitened
   Eigen::VectorXd b;
 };
 
@@ -36,7 +36,7 @@ struct Equations {
 Equations equationsOf(const std::vector<SeenPose>& poses, const std::vector<ImuSample>& samples,
                       const Eigen::Vector3d& gyro_bias) {
   const auto rows = 3 * static_cast<Eigen::Index>(poses.size() - 1);
-  Equations e{Eigen::MatrixXd::Zero(rows, 9), Eigen::VectorXd(rows)};
+  Equations e{Eigen::MatrixXd::Zero(rows, 12), Eigen::VectorXd(rows)};
   ImuTrack imu({}, false);
   Integral sum;
   auto next = samples.begin();
@@ -61,6 +61,7 @@ Equations equationsOf(const std::vector<SeenPose>& poses, const std::vector<ImuS
     e.A.block<3, 3>(row, 0) = weight * t * Eigen::Matrix3d::Identity();
     e.A.block<3, 3>(row, 3) = weight * 0.5 * t * t * Eigen::Matrix3d::Identity();
     e.A.block<3, 3>(row, 6) = weight * sum.position_by_bias;
+    e.A.block<3, 3>(row, 9) = weight * Eigen::Matrix3d::Identity();
     e.b.segment<3>(row) = weight * (poses[k + 1].frame_T_imu.translation() -
                                     poses.front().frame_T_imu.translation() - sum.position);
   }
@@ -74,12 +75,15 @@ std::optional<GravityFit> fitGravity(const std::vector<SeenPose>& poses,
                                      double bias_sigma, double gravity) {
   if (poses.size() < kLeastPoses || samples.empty()) return std::nullopt;
   const Equations e = equationsOf(poses, samples, gyro_bias);
+  Eigen::Matrix<double, 6, 1> prior;
+  prior << Eigen::Vector3d::Constant(std::pow(bias_sigma, -2)),
+      Eigen::Vector3d::Constant(std::pow(poses.front().position_sigma, -2));
   Eigen::MatrixXd N = e.A.transpose() * e.A;
-  N.diagonal().tail<3>().array() += 1.0 / (bias_sigma * bias_sigma);
+  N.diagonal().tail<6>() += prior;
   const Eigen::LLT<Eigen::MatrixXd> llt(N);
   if (llt.info() != Eigen::Success) return std::nullopt;
   Eigen::VectorXd x = llt.solve(e.A.transpose() * e.b);
-  const Eigen::MatrixXd P = llt.solve(Eigen::MatrixXd::Identity(9, 9));
+  const Eigen::MatrixXd P = llt.solve(Eigen::MatrixXd::Identity(12, 12));
   GravityFit fit;
   Eigen::Vector3d down = x.segment<3>(3).normalized();
   fit.free_length = x.segment<3>(3).norm();
@@ -88,14 +92,14 @@ std::optional<GravityFit> fitGravity(const std::vector<SeenPose>& poses,
   // g = gravity * (down + tangent d): two unknowns in the place of three.
   for (int i = 0; i < kIterations; ++i) {
     const Eigen::Vector3d t1 = down.unitOrthogonal(), t2 = down.cross(t1);
-    Eigen::MatrixXd T = Eigen::MatrixXd::Zero(9, 8);
+    Eigen::MatrixXd T = Eigen::MatrixXd::Zero(12, 11);
     T.topLeftCorner<3, 3>().setIdentity();
-    T.bottomRightCorner<3, 3>().setIdentity();
+    T.bottomRightCorner<6, 6>().setIdentity();
     T.block<3, 1>(3, 3) = gravity * t1;
     T.block<3, 1>(3, 4) = gravity * t2;
     const Eigen::MatrixXd A = e.A * T;
     Eigen::MatrixXd M = A.transpose() * A;
-    M.diagonal().tail<3>().array() += 1.0 / (bias_sigma * bias_sigma);
+    M.diagonal().tail<6>() += prior;
     const Eigen::LLT<Eigen::MatrixXd> solve(M);
     if (solve.info() != Eigen::Success) return std::nullopt;
     const Eigen::VectorXd b = e.b - e.A.middleCols<3>(3) * (gravity * down);
@@ -104,7 +108,7 @@ std::optional<GravityFit> fitGravity(const std::vector<SeenPose>& poses,
     fit.misfit = std::sqrt((b - A * y).squaredNorm() / static_cast<double>(b.size()));
     down = (down + y[3] * t1 + y[4] * t2).normalized();
     fit.velocity = y.head<3>();
-    const Eigen::MatrixXd Q = solve.solve(Eigen::MatrixXd::Identity(8, 8));
+    const Eigen::MatrixXd Q = solve.solve(Eigen::MatrixXd::Identity(11, 11));
     fit.tilt_sigma = std::sqrt(std::max(Q(3, 3), Q(4, 4)));
   }
   fit.gravity = gravity * down;

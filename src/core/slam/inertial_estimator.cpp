@@ -30,6 +30,11 @@ constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 constexpr std::size_t kKeptOneIn = 4;
 constexpr double kClosureOperations = 2e8;
 
+/// The body as the pictures have it, its position known as they have it.
+SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
+  return {stamp, state.world_T_imu, std::sqrt(state.pose_covariance.topLeftCorner<3, 3>().trace() / 3.0)};
+}
+
 /// Odometry with a hand's or a drone's accelerations.
 InvariantConfig odometryConfig(InvariantConfig config) {
   config.choice = MotionChoice::kConstantTwist;
@@ -154,7 +159,7 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
     report = odometry_->process(frame);
   }
   if (report.used + (poses_.empty() ? report.initialised : 0) >= kUsedFeatures)
-    poses_.push_back({frame.stamp, odometry_->state().world_T_imu, kLeastSigma});
+    poses_.push_back(seenPose(frame.stamp, odometry_->state()));
   forgetOld(frame.stamp);
   tryToStart();
   return report;
@@ -192,15 +197,17 @@ std::string InertialEstimator::startFrom(const std::vector<SeenPose>& poses) {
   std::vector<SeenPose> weighed = poses;
   const StateEstimate now = odometry_->state();
   const double density = imu_.over(now.stamp, now.stamp).acceleration_density.trace() / 3.0;
+  // From the first frame to the second one stereo alone tells the motion: what all later ones have in common
+  // is the first one's error. Theirs grows from there.
+  const double first = std::pow(poses[1].position_sigma, 2);
   for (SeenPose& pose : weighed) {
-    // Its error grows along the way from the first one.
-    const double part = secondsBetween(poses.front().stamp, pose.stamp) /
-                        secondsBetween(poses.front().stamp, poses.back().stamp);
-    const double drift = part * part * now.pose_covariance.topLeftCorner<3, 3>().trace() / 3.0;
     const double t = secondsBetween(poses.front().stamp, pose.stamp);
     const double shaken = density * t * t * t / 3.0; // of the twice integrated accelerations
-    pose.position_sigma = std::sqrt(pose.position_sigma * pose.position_sigma + drift + shaken);
+    const double drift = std::max(0.0, std::pow(pose.position_sigma, 2) - first);
+    pose.position_sigma = std::sqrt(kLeastSigma * kLeastSigma + drift + shaken);
   }
+  weighed[0].position_sigma =
+      std::sqrt(kLeastSigma * kLeastSigma + std::max(0.0, first - std::pow(poses[0].position_sigma, 2)));
   const Eigen::Vector3d gyro_bias = odometry_->gyroBias();
   const double length = config_.inertial.gravity;
   const auto fit = fitGravity(weighed, samples, gyro_bias, config_.inertial.accelerometer_bias_sigma, length);

@@ -81,7 +81,7 @@ TEST(GravityFit, PosesNeedNotBeOfTheSamplesStamps) {
   EXPECT_LT(distance(fit->velocity, seen.velocity), 1e-6);
 }
 
-// Noise on the positions and a constant bias, as the fit is told of them.
+// Noise on the positions, more on the first one, and a constant bias, as the fit is told of them.
 TEST(GravityFit, ErrorsAreThoseOfItsCovariance) {
   for (const bool at_rest : {false, true}) {
     double tilt2 = 0.0, length2 = 0.0, misfit2 = 0.0;
@@ -89,12 +89,12 @@ TEST(GravityFit, ErrorsAreThoseOfItsCovariance) {
     for (int seed = 0; seed < kSeeds; ++seed) {
       Random random(static_cast<unsigned>(100 + seed));
       Seen seen(random, 1.5, 20.0, 200.0, at_rest);
-      const Eigen::Vector3d bias = gaussian<3>(random, kBiasSigma);
+      const Eigen::Vector3d bias = random.gaussian<3>(kBiasSigma);
       for (ImuSample& sample : seen.samples) *sample.acceleration += bias;
-      for (std::size_t i = 1; i < seen.poses.size(); ++i) {
-        seen.poses[i].position_sigma = 2e-3;
-        seen.poses[i].frame_T_imu = SE3(seen.poses[i].frame_T_imu.rotation(),
-                                        seen.poses[i].frame_T_imu.translation() + gaussian<3>(random, 2e-3));
+      for (SeenPose& pose : seen.poses) {
+        pose.position_sigma = pose.stamp == seen.poses.front().stamp ? 2e-2 : 2e-3;
+        pose.frame_T_imu = SE3(pose.frame_T_imu.rotation(),
+                               pose.frame_T_imu.translation() + random.gaussian<3>(pose.position_sigma));
       }
       const auto fit = seen.fit();
       ASSERT_TRUE(fit);

@@ -119,6 +119,21 @@ TEST(InertialSeed, AStartByItselfIsHonestOrRefused) {
   }
 }
 
+// Of its first step stereo alone tells, with far points.
+TEST(InertialSeed, ACarInMotionStartsWithinTwoSecondsAndRight) {
+  DriveOptions options = studyOptions(MotionModel::kInertialCar);
+  options.duration = 4.0;
+  options.standing_start = 0.0;
+  InertialStudy study;
+  study.start = StudyStart::kSelf;
+  const auto results = startedOf(runSeeds(Config(), options, 1, 8, 2, {}, study));
+  ASSERT_EQ(results.size(), 8u);
+  for (const SeedResult& result : results) {
+    EXPECT_LE(result.inertial->start_delay, 2.0);
+    EXPECT_LT(result.inertial->first_tilt + result.inertial->first_velocity, 20.5); // once in a thousand
+  }
+}
+
 TEST(InertialSeed, WhatIsIntegratedWithoutFeaturesIsAsWrongAsClaimed) {
   InertialStudy study;
   study.blind_from = 4.0;

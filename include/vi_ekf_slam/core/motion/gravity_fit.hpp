@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 struct SeenPose {
   Stamp stamp = 0;
   SE3 frame_T_imu;
-  double position_sigma = 0.0; ///< m, per axis, relative to the first one
+  double position_sigma = 0.0; ///< m, per axis, above 0
 };
 
 /// What the accelerometer says once the pictures say how the IMU moved, along the axes of their frame.
@@ -27,8 +27,8 @@ struct GravityFit {
 
 /// Linear least squares over poses and IMU samples (both by stamp, samples from the first pose or before it
 /// to the last or behind it): p_k - p_0 = v_0 t + g t^2 / 2 + the twice integrated accelerations, of which a
-/// bias of standard deviation `bias_sigma` (m/s^2) is a part; then with g of the length `gravity`. Nothing
-/// with fewer than four poses or where the equations do not tell.
+/// bias of standard deviation `bias_sigma` (m/s^2) is a part, and p_0 is wrong in all of them; then with g of
+/// the length `gravity`. Nothing with fewer than four poses or where the equations do not tell.
 std::optional<GravityFit> fitGravity(const std::vector<SeenPose>& poses,
                                      const std::vector<ImuSample>& samples, const Eigen::Vector3d& gyro_bias,
                                      double bias_sigma, double gravity);
