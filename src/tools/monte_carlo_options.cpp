@@ -30,8 +30,8 @@ a common one that grows with the distance.
   --motion process     100 s of white noise on the twist's derivative, white measurement noise, no wrong match: the
                        default filter's own model                                [car]
   --motion inertial    (or handheld) 60 s of a body shaken in a room with a raw IMU, or
-  --motion inertial-car  the car with one, both after 3 s at rest. The filter is told motion, densities and scales of the IMU, noise of
-                       the pixels, gravity, and that tracks do not slip, whatever FILE says; see docs/accuracy.md
+  --motion inertial-car  the car with one, both after 3 s at rest. The filter is told motion, densities, biases and scales of the IMU,
+                       noise of the pixels, gravity, and that tracks do not slip, whatever FILE says; see docs/accuracy.md
   --start given        it begins with the truth and errors drawn from the covariance that it is given, or
   --start self         by itself; the truth is put into its map by position and heading at its first estimate. Of both the
                        first estimate's NEES and the delay are in starts.csv      [given, with a raw IMU alone]

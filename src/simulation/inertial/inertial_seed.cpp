@@ -128,6 +128,9 @@ Config toldTheTruth(Config config, const DriveOptions& options) {
                            options.accelerometer_walk};
   filter.inertial.noise_given = true;
   filter.inertial.accelerometer_scale_sigma = options.accelerometer_scale_sigma;
+  if (options.accelerometer_bias_sigma > 0.0)
+    filter.inertial.accelerometer_bias_sigma = options.accelerometer_bias_sigma;
+  if (options.gyro_bias_sigma > 0.0) filter.inertial.gyro_bias_sigma = options.gyro_bias_sigma;
   filter.inertial.gravity = kGravity;
   if (options.pixel_sigma > 0.0) filter.stereo.pixel_sigma = options.pixel_sigma;
   filter.slip.sigma = filter.slip.rotation_sigma = 0.0;

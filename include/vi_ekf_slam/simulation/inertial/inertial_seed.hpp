@@ -9,7 +9,8 @@
 namespace vi_ekf_slam::simulation {
 
 /// `config` for a filter that is told what is true of the drive: the inertial model of motion, the densities
-/// of the IMU, the noise of the pixels, gravity, and that tracks do not slip.
+/// of the IMU and how large its first biases may be, the noise of the pixels, gravity, and that tracks do not
+/// slip.
 Config toldTheTruth(Config config, const DriveOptions& options);
 
 /// The truth with errors of the covariance that is stated, the same for the same seed: standard deviations of
