@@ -1,5 +1,6 @@
 // What Filter does with variables that are inactive, and with its errors along the world axes.
 
+#include <Eigen/Geometry>
 #include <stdexcept>
 #include <utility>
 

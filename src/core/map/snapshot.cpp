@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <optional>
 #include <string>

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/motion/gravity_fit.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"

@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 
+#include <Eigen/Geometry>
+
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
