@@ -4,6 +4,7 @@
 #   scripts/nightly.sh sanitize [address|thread ...]   all gtests with AddressSanitizer and UBSan, then with ThreadSanitizer
 #   scripts/nightly.sh soak [FRAMES]                   FRAMES of 10 Hz (864000, a day) through the node's own input path
 #   scripts/nightly.sh rigs                            check_rig.py on recorded rigs that are broken afterwards
+#   scripts/nightly.sh plain                           builds all as catkin_make does, one file at a time, with OpenCV and without
 #
 # fuzz: targets are estimator, config, messages, bag, map (default: all). What they find new stays in build/fuzz/found/TARGET
 # and is taken up again by the next run; an input that breaks something goes to build/fuzz/crash-*. scripts/test.sh only replays
@@ -159,11 +160,34 @@ rigs() {
   "$python" -m pytest -q -rs -p no:cacheprovider "$root/test/python/rig_check/nightly_recorded_rigs.py" || status=1
 }
 
+# -- plain
+
+# setup.sh compiles a dozen files as one, where an include that is missing in one of them is not missed.
+plain() {
+  local -A options=([with_opencv]="-DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=OFF" [without_opencv]="-DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON")
+  local kind folder
+  "$root/scripts/setup.sh"
+  for kind in with_opencv without_opencv; do
+    folder="$build/plain/$kind"
+    mkdir -p "$folder"
+    say "building $kind ($folder)"
+    if cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" -DCMAKE_BUILD_TYPE=Release \
+      "${options[$kind]}" >"$folder/build.log" 2>&1 && cmake --build "$folder" -j"${JOBS:-$(nproc)}" >>"$folder/build.log" 2>&1; then
+      printf '%s: built\n' "$kind"
+    else
+      status=1
+      printf '%s: FAILED, see %s\n' "$kind" "$folder/build.log"
+      grep -E 'error:|undefined reference' "$folder/build.log" | head -n 10 || true
+    fi
+  done
+}
+
 case "${1:-}" in
   fuzz) fuzz "${@:2}" ;;
   sanitize) sanitize "${@:2}" ;;
   soak) soak "${@:2}" ;;
   rigs) rigs ;;
-  *) fail "usage: scripts/nightly.sh fuzz|sanitize|soak|rigs [...], see its first lines" ;;
+  plain) plain ;;
+  *) fail "usage: scripts/nightly.sh fuzz|sanitize|soak|rigs|plain [...], see its first lines" ;;
 esac
 exit "$status"
