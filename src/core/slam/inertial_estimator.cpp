@@ -217,7 +217,7 @@ std::string InertialEstimator::startFrom(const std::vector<SeenPose>& poses) {
     const std::string problem = "gravity is not explained: the accelerometer and the pictures have " +
                                 rounded(fit->free_length) + " m/s^2, it must be " + rounded(length) +
                                 " within " + rounded(tolerance);
-    return problem + (fit->free_length < 0.3 * length
+    return problem + (fit->free_length < 0.5 * length
                           ? " (are the accelerations in g? they must be in m/s^2)"
                           : " (are the IMU's axes those of the transform to the camera?)");
   }

@@ -13,7 +13,7 @@ inline void keepFreedMemory() {
 #if defined(__GLIBC__)
   constexpr int kLargest = 1 << 28; // bytes
   if (mallopt(M_MMAP_THRESHOLD, kLargest) == 0)
-    mallopt(M_MMAP_THRESHOLD, 1 << 25); // all that glibc before 2.35 allows
+    mallopt(M_MMAP_THRESHOLD, 1 << 25); // all that older ones of glibc allow
   mallopt(M_TRIM_THRESHOLD, kLargest);
   mallopt(M_MXFAST, 0); // else small chunks wait to be merged, all of them whenever a large one is freed
 #endif
