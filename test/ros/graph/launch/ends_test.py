@@ -76,12 +76,21 @@ class Ends(LaunchRunner):
         self.assertTrue(wait_for(runs), word)
         return pids[0]
 
+    def node(self, process):
+        """Waits until the node of the launch ends by itself when it is told to, and is not killed; its process id."""
+        pid = self.child(process, "slam_node")
+        self.assertTrue(wait_for(lambda: self.catches(pid, signal.SIGTERM)))
+        return pid
+
+    def wait_for_player(self):
+        """Until the bag is played."""
+        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+
     def test_live_nothing_ends_with_the_node(self):
         """What else was launched runs on."""
         process = self.start("config:=" + self.config, "record:=true", own_master=True)
         recorder = self.child(process, "record_outputs.py")
-        node = self.child(process, "slam_node")
-        self.assertTrue(wait_for(lambda: self.catches(node, signal.SIGTERM)))  # before that it would be killed
+        node = self.node(process)
         os.kill(node, signal.SIGTERM)
         said = self.read_until(process, "process has finished cleanly")
         self.assertEqual(recorder, self.child(process, "record_outputs.py"))
@@ -92,9 +101,8 @@ class Ends(LaunchRunner):
     def test_with_a_bag_all_ends_with_the_node(self):
         """And says which of them was required."""
         process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
-        node = self.child(process, "slam_node")
-        self.assertTrue(wait_for(lambda: self.catches(node, signal.SIGTERM)))
-        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+        node = self.node(process)
+        self.wait_for_player()
         os.kill(node, signal.SIGTERM)
         said = self.finish(process)
         self.assertIn("REQUIRED process [slam-", said)
@@ -103,7 +111,7 @@ class Ends(LaunchRunner):
     def test_a_killed_launch_leaves_no_player(self):
         """Not even kill -9 of the node that started it."""
         process = self.start("bag:=" + self.bag, "config:=" + self.config, "rate:=0.1", own_master=True)
-        self.assertTrue(wait_for(lambda: any("rosbag/play" in line for _, line in processes_with(self.bag))))
+        self.wait_for_player()
         os.kill(self.child(process, "play_bag.py"), 9)
         said = self.finish(process)
         self.assertIn("REQUIRED process [play_bag", said)

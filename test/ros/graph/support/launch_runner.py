@@ -1,5 +1,6 @@
 """Runs slam.launch as a user does."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -83,8 +84,10 @@ class LaunchRunner(unittest.TestCase):
             return process.communicate(timeout=LIMIT)[0].decode(errors="replace")
         except subprocess.TimeoutExpired:
             left = processes_with(self.folder)
+            process.kill()
             for pid, _ in left:  # they would hold the pipe open
-                os.kill(pid, signal.SIGKILL)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
             self.fail("roslaunch does not end, these run: %s; %s" % (left, process.communicate()[0].decode(errors="replace")))
 
     def launch(self, *arguments):
