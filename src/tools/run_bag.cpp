@@ -152,6 +152,7 @@ int run(const RunBagOptions& options) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
     writer.restart();
   });
+  if (input.has(options.topics.twist_bias)) system.awaitBiasPrior();
   Intake intake(system, config.ros, options.topics);
   intake.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
 

@@ -59,6 +59,7 @@ class Intake {
   /// Called once for each frame that cannot be used: its name, and what to do.
   void onProblem(std::function<void(const std::string&)> handler) { problems_.onProblem(std::move(handler)); }
 
+  const InputTopics& topics() const { return topics_; }
   const FrameTree& frames() const { return frames_; }
   /// Whether a velocity waits for a transform.
   bool isWaiting() const { return !waiting_.empty(); }

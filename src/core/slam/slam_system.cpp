@@ -14,7 +14,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kMotionWait = 1.0; // s of sensor time for the first messages of the IMU
+constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the IMU, and for biases told
 
 enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
 
@@ -123,7 +123,9 @@ void SlamSystem::setBiasPrior(const TwistBias& bias) {
     throw std::invalid_argument(
         "a bias's mean and standard deviation must be finite, and the latter positive");
   bias_ = bias;
+  bias_awaited_ = false;
   estimator_->setBiasPrior(bias);
+  drain();
 }
 
 bool SlamSystem::countInvalid(const Measurement& measurement) {
@@ -190,12 +192,14 @@ bool SlamSystem::needsRig() const {
   return !(config_.estimator == EstimatorType::kPaper && config_.paper.mode == PaperMode::kDeadReckoning);
 }
 
-/// For the calibration, and for the first messages of the IMU, which say how the body moves.
+/// For the calibration, for the first messages of the IMU, which say how the body moves, and for what is
+/// known of its biases.
 bool SlamSystem::waits() const {
   if (!first_stamp_ || !buffer_.newest()) return false;
   const double held = secondsBetween(*first_stamp_, *buffer_.newest());
   return (!rig_ && needsRig() && held < config_.rig_wait_s) ||
-         (motion_ == MotionChoice::kAuto && held < config_.buffer.max_delay_s + kMotionWait);
+         ((motion_ == MotionChoice::kAuto || bias_awaited_) &&
+          held < config_.buffer.max_delay_s + kFirstWait);
 }
 
 void SlamSystem::drain() {

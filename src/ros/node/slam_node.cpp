@@ -85,6 +85,8 @@ void SlamNode::listenToMeasurements(const std::string& topic, Stream stream) {
       [this, stream](const Message& message) {
         diagnostics_.noteInput(stream, message.header.stamp, watch_.item_arrival);
         noteArrival(stream, message.header.stamp);
+        if (intake_.received() == 0 && subscriptions_.hasPublisher(intake_.topics().twist_bias))
+          system_.awaitBiasPrior();
         intake_.add(message);
       },
       stream);

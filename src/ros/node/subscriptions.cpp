@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/ros/node/subscriptions.hpp"
 
+#include <algorithm>
+
 namespace vi_ekf_slam {
 
 void Subscriptions::listenToTransforms(
@@ -16,6 +18,12 @@ void Subscriptions::listenToTransforms(
   options.initByFullCallbackType<const Event&>(topic, kQueueSize, callback);
   options.transport_hints = ros::TransportHints().tcpNoDelay();
   subscribers_.push_back(nh_.subscribe(options));
+}
+
+bool Subscriptions::hasPublisher(const std::string& topic) const {
+  return std::any_of(subscribers_.begin(), subscribers_.end(), [&topic](const ros::Subscriber& subscriber) {
+    return subscriber.getTopic() == topic && subscriber.getNumPublishers() > 0;
+  });
 }
 
 void Subscriptions::shutdown() {

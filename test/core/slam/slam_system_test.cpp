@@ -111,6 +111,38 @@ TEST(SlamSystem, WaitsForTheRigAgainAfterAJumpBackAndNoLongerThanAtTheStart) {
   EXPECT_NEAR(processed_at, 52.0, 0.02);
 }
 
+TEST(SlamSystem, WhatIsKnownOfTheBiasesMayComeAfterTheFirstMeasurements) {
+  TwistBias bias;
+  bias.mean << 0.01, -0.02, 0.015, 0.03, -0.01, 0.02;
+  bias.sigma.setConstant(0.01);
+  Config config = makeConfig(PaperMode::kSlam);
+  config.estimator = EstimatorType::kInvariant;
+  const auto measurements = drive(100.0, 2.0);
+  const auto runWith = [&](std::size_t told_at, bool is_awaited) {
+    SlamSystem system(config);
+    Record record;
+    record.listenTo(system);
+    system.setRig(exampleRig());
+    if (is_awaited) system.awaitBiasPrior();
+    for (std::size_t i = 0; i < measurements.size(); ++i) {
+      if (i == told_at) system.setBiasPrior(bias);
+      system.add(measurements[i]);
+    }
+    system.flush();
+    return record;
+  };
+  const Record expected = runWith(0, false);
+  expectSame(runWith(40, true), expected);
+  EXPECT_GT(distance(runWith(40, false).outputs.back().state.world_T_imu.matrix(),
+                     expected.outputs.back().state.world_T_imu.matrix()),
+            1e-9)
+      << "what is known of the biases changes nothing";
+
+  const Record never = runWith(measurements.size(), true);
+  ASSERT_FALSE(never.outputs.empty());
+  EXPECT_EQ(never.outputs.size(), expected.outputs.size());
+}
+
 TEST(SlamSystem, DoesNotWaitForARigThatItsConfigurationDoesNotUse) {
   SlamSystem system(makeConfig(PaperMode::kDeadReckoning));
   for (const auto& m : drive(100.0, 0.5)) system.add(m);

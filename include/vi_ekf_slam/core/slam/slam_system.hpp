@@ -87,6 +87,9 @@ class SlamSystem {
   /// What is known of the sensors' biases, in place of the configured prior; also after a reset. Throws
   /// std::invalid_argument unless all is finite and the sigmas are positive.
   void setBiasPrior(const TwistBias& bias);
+  /// Somebody is going to tell it: the first measurements wait for it, for a second of sensor time beside
+  /// `max_delay`. What is computed does not depend on which of the two comes first, then.
+  void awaitBiasPrior() { bias_awaited_ = !bias_; }
 
   /// Before the first measurement: goes on from there, with the inertial motion model. Throws ConfigError for
   /// a configuration that has another one.
@@ -171,6 +174,7 @@ class SlamSystem {
   LeverArm lever_arm_;
   std::optional<StereoRig> rig_;
   std::optional<TwistBias> bias_;
+  bool bias_awaited_ = false;
   std::shared_ptr<const SavedMap> loaded_map_;
   std::set<std::string> told_starts_; ///< without their numbers
   std::optional<Stamp> first_stamp_;

@@ -41,6 +41,9 @@ class Subscriptions {
       const std::string& topic,
       const std::function<void(const tf2_msgs::TFMessage& message, bool of_this_process)>& process);
 
+  /// Whether somebody publishes on a topic that is listened to; its name resolved.
+  bool hasPublisher(const std::string& topic) const;
+
   /// No callback comes any more.
   void shutdown();
 
