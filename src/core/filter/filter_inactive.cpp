@@ -154,8 +154,8 @@ void Filter::moveWorld(const SE3& to_T_world) {
   variables_.moveWorld(to_T_world);
 }
 
-std::vector<Handle> Filter::adopt(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd covariance,
-                                  Eigen::MatrixXd cross) {
+std::vector<Handle> Filter::adopt(const std::vector<Eigen::Vector3d>& points,
+                                  const Eigen::MatrixXd& covariance, Eigen::MatrixXd cross) {
   settle();
   for (const Handle handle : inactive_.handles()) variables_.release(handle);
   std::vector<InactiveVariable> adopted;
@@ -164,7 +164,7 @@ std::vector<Handle> Filter::adopt(const std::vector<Eigen::Vector3d>& points, Ei
     handles.push_back(variables_.reserve(Chart::kPoint));
     adopted.push_back({handles.back(), point, point});
   }
-  inactive_.adopt(std::move(adopted), std::move(covariance), std::move(cross));
+  inactive_.adopt(std::move(adopted), covariance, std::move(cross));
   return handles;
 }
 

@@ -18,8 +18,9 @@ struct Since {
 
   /// Of a variable that left as `variable` with covariance own(row, row), and `cross` with the active errors
   /// at the block's end.
-  InactiveStore::Estimate estimate(const InactiveVariable& variable, const Eigen::MatrixXd& own,
-                                   Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& cross) const {
+  template <class Matrix>
+  InactiveStore::Estimate estimate(const InactiveVariable& variable, const Matrix& own, Eigen::Index row,
+                                   const Eigen::Ref<const Eigen::MatrixXd>& cross) const {
     const Eigen::Index rows = variable.mean.size();
     InactiveStore::Estimate now{variable, own.block(row, row, rows, rows)};
     now.variable.mean += cross.transpose() * correction;
@@ -120,7 +121,7 @@ std::size_t InactiveStore::bytes() const {
   const auto bytesOfBlock = [&](const Block& b) {
     return bytesOf(b.F) + bytesOf(b.information) + bytesOf(b.origin) + bytesOf(b.own);
   };
-  std::size_t total = bytesOf(settled_->covariance) + bytesOf(settled_->cross) + bytesOfBlock(open_);
+  std::size_t total = settled_->covariance.bytes() + bytesOf(settled_->cross) + bytesOfBlock(open_);
   for (const auto& block : blocks_) total += bytesOfBlock(*block);
   return total;
 }

@@ -174,9 +174,9 @@ void InactiveStore::settle() {
       push(settled.variables, settled.first, variable);
   }
   const Eigen::Index all = settled.first.back();
-  settled.covariance.conservativeResize(all, all);
+  SymmetricPanels& P = settled.covariance;
+  P.resize(all);
   Eigen::MatrixXd cross(size, all);
-  auto& P = settled.covariance;
   Eigen::MatrixXd F = Eigen::MatrixXd::Identity(size, size), information = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd correction = Eigen::VectorXd::Zero(size);
   Eigen::MatrixXd later(0, size);
@@ -189,9 +189,8 @@ void InactiveStore::settle() {
     const auto block_cross = block.F.rightCols(own);
     const Eigen::MatrixXd learned = block_cross.transpose() * information;
     cross.middleCols(here, own).noalias() = F * block_cross;
-    P.block(first, here, later.rows(), own).noalias() = later * block_cross;
-    P.block(here, here, own, own) = block.own;
-    P.block(here, here, own, own).noalias() -= learned * block_cross;
+    P.set(first, here, later * block_cross);
+    P.set(here, here, block.own - learned * block_cross);
     next -= block.variables.size();
     for (std::size_t i = 0; i < block.variables.size(); ++i) {
       InactiveVariable& variable = settled.variables[next + i];
@@ -210,15 +209,14 @@ void InactiveStore::settle() {
   if (old > 0) {
     const Eigen::MatrixXd& before = settled.cross;
     const Eigen::MatrixXd learned = information * before;
-    P.topLeftCorner(old, old).triangularView<Eigen::Lower>() -= before.transpose() * learned;
+    P.subtractProduct(before, learned);
     for (std::size_t i = 0; i < old_count; ++i) {
       InactiveVariable& variable = settled.variables[i];
       variable.mean += before.middleCols(settled.first[i], variable.mean.size()).transpose() * correction;
     }
     cross.leftCols(old).noalias() = F * before;
-    P.block(old, 0, all - old, old).noalias() = later * before;
+    P.setProduct(old, later, before);
   }
-  mirrorLower(P);
   settled.cross.swap(cross);
   begin(size);
 }
@@ -229,7 +227,8 @@ double InactiveStore::settlingCost() const {
   double left = static_cast<double>(open_.left());
   for (const auto& block : blocks_) left += static_cast<double>(block->left());
   const auto blocks = static_cast<double>(blocks_.size() + 1);
-  return n * old * old + 2.0 * n * (n + old) * (old + left) + n * left * (n * blocks + left);
+  return n * old * old + 2.0 * n * (n + left) * old + n * left * (n * blocks + left) +
+         6.0 * n * n * n * blocks;
 }
 
 /// Where nothing is inactive, nothing is kept.
@@ -253,7 +252,7 @@ void InactiveStore::drop(const std::vector<Handle>& handles) {
   for (const Handle handle : handles) serials_.erase(handle);
   Settled& settled = ownSettled();
   // What stays moves up, in its order.
-  std::vector<Eigen::Index> from, to;
+  std::vector<Eigen::Index> from;
   std::vector<InactiveVariable> variables;
   std::vector<Eigen::Index> first{0};
   for (std::size_t i = 0; i < settled.variables.size(); ++i) {
@@ -263,14 +262,11 @@ void InactiveStore::drop(const std::vector<Handle>& handles) {
     push(variables, first, std::move(settled.variables[i]));
   }
   const Eigen::Index rows = first.back();
-  auto& P = settled.covariance;
+  settled.covariance.keep(from);
   for (Eigen::Index column = 0; column < rows; ++column) {
     const Eigen::Index source = from[static_cast<std::size_t>(column)];
-    for (Eigen::Index row = 0; row < rows; ++row)
-      P(row, column) = P(from[static_cast<std::size_t>(row)], source);
     if (source != column) settled.cross.col(column) = settled.cross.col(source);
   }
-  P.conservativeResize(rows, rows);
   settled.cross.conservativeResize(Eigen::NoChange, rows);
   settled.variables = std::move(variables);
   settled.first = std::move(first);
@@ -298,7 +294,7 @@ std::vector<Handle> InactiveStore::marginaliseOldest(std::size_t count) {
   return gone;
 }
 
-void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::MatrixXd covariance,
+void InactiveStore::adopt(std::vector<InactiveVariable> variables, const Eigen::MatrixXd& covariance,
                           Eigen::MatrixXd cross) {
   constexpr std::uint64_t kDeactivatedElsewhere = 1000000;
   *this = InactiveStore();
@@ -309,7 +305,7 @@ void InactiveStore::adopt(std::vector<InactiveVariable> variables, Eigen::Matrix
     push(settled_->variables, settled_->first, std::move(variable));
   }
   last_serial_ += kDeactivatedElsewhere;
-  settled_->covariance = std::move(covariance);
+  settled_->covariance = SymmetricPanels(covariance);
   settled_->cross = std::move(cross);
   release();
 }

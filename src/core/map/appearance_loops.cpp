@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kBetweenIndices = 1.0;  // s
 constexpr double kBetweenAttempts = 0.2; // s
-constexpr double kMostSaved = 10.0;      // s of operations
 // How often the view must have changed since a landmark was in it: before, the tracks themselves connect
 // them.
 constexpr std::uint64_t kViewsBefore = 3;
@@ -82,7 +81,7 @@ bool follows(const LandmarkMap& map, Stamp now) {
 } // namespace
 
 AppearanceLoops::AppearanceLoops(double operations_per_second)
-    : per_second_(operations_per_second), agreement_(kAttempts, kOthers) {}
+    : allowance_(operations_per_second), agreement_(kAttempts, kOthers) {}
 
 void AppearanceLoops::restart() {
   look_ups_.clear();
@@ -133,22 +132,22 @@ Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoMo
                                 double seconds) {
   if (filter.inactive().isEmpty()) return {};
   const double cost = filter.inactive().settlingCost();
-  allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
+  allowance_.earn(seconds, cost);
   if (!next_index_ || now >= *next_index_) {
     next_index_ = now + fromSeconds(kBetweenIndices);
     index(filter, map);
   }
   if (known_.isEmpty()) return {};
   lookUp(filter, map);
-  if (allowance_ < cost || (next_attempt_ && now < *next_attempt_)) return {};
+  if (!allowance_.covers(cost) || (next_attempt_ && now < *next_attempt_)) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
   if (const auto found = place(filter, map)) {
-    allowance_ -= cost;
+    allowance_.spend(cost);
     return close(*found, filter, map, model, now);
   }
   if (!follows(map, now)) return {};
   const std::vector<FeatureId> expected = expectedIn(filter, map, model);
-  if (!expected.empty()) allowance_ -= cost;
+  if (!expected.empty()) allowance_.spend(cost);
   map.reactivate(filter, expected, now);
   return {};
 }

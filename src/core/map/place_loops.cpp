@@ -10,8 +10,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kBetween = 2.0;             // s between attempts, each of which may take some 0.1 s
-constexpr double kOperationsPerSecond = 2e9; // operations, on the average
+constexpr double kBetween = 2.0; // s between attempts, each of which may take some 0.1 s
 constexpr std::size_t kObservationsNow = 5;
 constexpr double kRadius = 70.0; // m about the vehicle
 // How often the view may have changed for a landmark to be of now, and must have for it to be of before.
@@ -23,14 +22,14 @@ constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner f
 
 } // namespace
 
-PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
+PlaceLoops::PlaceLoops(double operations_per_second)
+    : agreement_(2, kLeastAgreeing), allowance_(operations_per_second) {}
 
 Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
-  // Without a bound, since a place that is recognised takes all of it. The cost goes up and down with what is
-  // in view: bounded by the cost of the moment, what was saved would be lost where it is least.
-  allowance_ += seconds * kOperationsPerSecond;
+  const double cost = filter.inactive().settlingCost();
+  allowance_.earn(seconds, cost);
   if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore ||
-      allowance_ < filter.inactive().settlingCost())
+      !allowance_.covers(cost))
     return {};
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.keptOfView();
@@ -58,7 +57,7 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double s
   if (!recognition) return {};
   if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
 
-  allowance_ = 0.0;
+  allowance_.spendAll();
   std::vector<FeatureId> ids;
   const FeatureId middle = recognition->matches[recognition->matches.size() / 2].second;
   const Stamp last_seen = map.inactive(map.inactiveVariable(middle)).last_seen;

@@ -5,7 +5,6 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kMostSaved = 10.0; // s of operations
 // Before a landmark is compared with what was seen of it before: observations, and the standard deviation of
 // its distance, up to which its error is one of straight coordinates. Of a far one the pixels tell the
 // inverse of the distance: a dozen of them, new and each a little wrong to the same side, would move the pose
@@ -59,7 +58,7 @@ Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const Stere
                                    double seconds) {
   if (filter.inactive().isEmpty()) return {};
   const double cost = filter.inactive().settlingCost();
-  allowance_ = std::min(allowance_ + seconds * per_second_, std::max(cost, kMostSaved * per_second_));
+  allowance_.earn(seconds, cost);
   std::vector<FeatureId> ids;
   std::unordered_set<FeatureId> in_view;
   for (const Landmark& landmark : map.active()) {
@@ -70,8 +69,8 @@ Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const Stere
       ids.push_back(landmark.id);
   }
   elsewhere_.swap(in_view);
-  if (ids.size() < kLeast || allowance_ < cost) return {};
-  allowance_ -= cost;
+  if (ids.size() < kLeast || !allowance_.covers(cost)) return {};
+  allowance_.spend(cost);
   return fuse(filter, map, model, now, ids, kLeast);
 }
 

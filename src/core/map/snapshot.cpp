@@ -69,7 +69,7 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
     const Eigen::Index row = inactive.rowOf(i);
     if (!landmarks.isLandmark(variable.handle)) continue;
     if (variable.mean.cwiseAbs().maxCoeff() > kMaxSavedDistance ||
-        inactive.covariance().diagonal().segment<3>(row).maxCoeff() > kVaguest * kVaguest)
+        inactive.covariance().block(row, row, 3, 3).diagonal().maxCoeff() > kVaguest * kVaguest)
       continue;
     const Landmark& landmark = landmarks.inactive(variable.handle);
     map.landmarks.push_back({landmark.id, variable.mean, landmark.observations, landmark.descriptors});
@@ -86,7 +86,7 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
     P.block(column, 0, 3, base) = P.block(0, column, base, 3).transpose();
     Eigen::Index row = base;
     for (const Eigen::Index other : rows) {
-      P.block<3, 3>(row, column) = inactive.covariance().block<3, 3>(other, from);
+      P.block<3, 3>(row, column) = inactive.covariance().block(other, from, 3, 3);
       row += 3;
     }
     column += 3;

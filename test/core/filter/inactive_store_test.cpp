@@ -53,7 +53,7 @@ TEST(InactiveStoreTest, EstimatesAreThoseOfTheSettledOneAndNeverTooSmall) {
     ASSERT_EQ(exact.size(), variables.size());
     for (std::size_t k = 0; k < variables.size(); ++k) {
       const Eigen::Index row = settled.inactive().rowOf(k);
-      const Eigen::Matrix3d P = settled.inactive().covariance().block<3, 3>(row, row);
+      const Eigen::Matrix3d P = settled.inactive().covariance().block(row, row, 3, 3);
       for (const auto* estimates : {&exact, &rough}) {
         const InactiveStore::Estimate& e = (*estimates)[k];
         EXPECT_EQ(e.variable.handle, variables[k].handle);

@@ -305,7 +305,7 @@ inline Eigen::MatrixXd jointOf(Filter filter) {
   const Eigen::Index N = filter.inactive().rows();
   Eigen::MatrixXd P(n + N, n + N);
   P << Eigen::MatrixXd(filter.covariance()), filter.inactive().cross(), filter.inactive().cross().transpose(),
-      filter.inactive().covariance();
+      filter.inactive().covariance().dense();
   return P;
 }
 

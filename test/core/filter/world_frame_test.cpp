@@ -46,8 +46,8 @@ TEST(WorldFrame, WhatIsInactiveIsAlongItsAxesAlready) {
     EXPECT_LT(distance(scene.filter.worldCross().middleCols<3>(scene.filter.inactive().rowOf(i)),
                        before.block(0, row, left, 3)),
               1e-12);
-    EXPECT_LT(distance(scene.filter.inactive().covariance().block<3, 3>(scene.filter.inactive().rowOf(i),
-                                                                        scene.filter.inactive().rowOf(i)),
+    EXPECT_LT(distance(scene.filter.inactive().covariance().block(scene.filter.inactive().rowOf(i),
+                                                                  scene.filter.inactive().rowOf(i), 3, 3),
                        before.block<3, 3>(row, row)),
               1e-12);
   }
@@ -139,7 +139,7 @@ TEST(WorldFrame, WhatIsAdoptedAsItWasIsAsItWas) {
   Filter again = scene.filter;
   std::vector<Eigen::Vector3d> points;
   for (const InactiveVariable& variable : again.inactive().variables()) points.emplace_back(variable.mean);
-  again.adopt(points, again.inactive().covariance(), again.inactive().cross());
+  again.adopt(points, again.inactive().covariance().dense(), again.inactive().cross());
   const auto go = [&](Filter& filter) {
     scene.motion.propagate(filter, 0.1);
     filter.settle();

@@ -108,7 +108,7 @@ class Filter {
   void setCoreCovariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance);
   /// Points from elsewhere take the place of the inactive variables: `covariance` of their errors along the
   /// world axes, independent of the active ones, or `cross` (rows() x 3k) with these.
-  std::vector<Handle> adopt(const std::vector<Eigen::Vector3d>& points, Eigen::MatrixXd covariance,
+  std::vector<Handle> adopt(const std::vector<Eigen::Vector3d>& points, const Eigen::MatrixXd& covariance,
                             Eigen::MatrixXd cross);
 
   /// Of all active errors along the world axes: of points x - x^ in the place of y. (rows() square)

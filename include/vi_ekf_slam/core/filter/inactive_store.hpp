@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/innovation.hpp"
+#include "vi_ekf_slam/core/filter/symmetric_panels.hpp"
 #include "vi_ekf_slam/core/filter/variables.hpp"
 
 namespace vi_ekf_slam {
@@ -79,7 +80,7 @@ class InactiveStore {
   Eigen::Index rowOf(std::size_t index) const { return settled_->first[index]; }
   Eigen::Index rows() const { return settled_->first.back(); }
   /// Of the errors d.
-  const Eigen::MatrixXd& covariance() const { return settled_->covariance; }
+  const SymmetricPanels& covariance() const { return settled_->covariance; }
   /// Of the active errors with d (n x N).
   const Eigen::MatrixXd& cross() const { return settled_->cross; }
   /// Their means are others.
@@ -93,7 +94,8 @@ class InactiveStore {
 
   /// Variables from elsewhere in the place of all that are held, inactive for longer than any that comes:
   /// `covariance` of their errors d (N x N) and `cross` (n x N) of the active errors with them.
-  void adopt(std::vector<InactiveVariable> variables, Eigen::MatrixXd covariance, Eigen::MatrixXd cross);
+  void adopt(std::vector<InactiveVariable> variables, const Eigen::MatrixXd& covariance,
+             Eigen::MatrixXd cross);
 
   /// All, in the order of variables(), with the means of now; and, with `exact`, the covariances of now in
   /// the place of those when last settled, which are never smaller.
@@ -128,7 +130,8 @@ class InactiveStore {
   struct Settled {
     std::vector<InactiveVariable> variables;
     std::vector<Eigen::Index> first{0};
-    Eigen::MatrixXd covariance, cross;
+    SymmetricPanels covariance;
+    Eigen::MatrixXd cross;
   };
 
   Eigen::Ref<Eigen::MatrixXd> map() { return open_.F.topLeftCorner(rows_, columns()); }

@@ -6,6 +6,7 @@
 #include "vi_ekf_slam/core/map/appearance_index.hpp"
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
+#include "vi_ekf_slam/core/map/settling_allowance.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
@@ -17,7 +18,7 @@ namespace vi_ekf_slam {
 /// a frame is bounded by counts, so that the result does not depend on timing.
 class AppearanceLoops {
  public:
-  /// Floating-point operations that may be spent on settling, on the average of a second.
+  /// See SettlingAllowance.
   explicit AppearanceLoops(double operations_per_second);
 
   /// Before a frame is associated: features of new tracks that look like landmarks which are expected in
@@ -44,8 +45,7 @@ class AppearanceLoops {
   void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;
 
-  double per_second_;
-  double allowance_ = 0.0; ///< floating-point operations saved up
+  SettlingAllowance allowance_;
   AppearanceIndex known_;
   std::optional<Stamp> next_index_, next_attempt_;
   std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view

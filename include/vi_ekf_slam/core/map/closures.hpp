@@ -16,9 +16,12 @@ namespace vi_ekf_slam {
 /// that are recognised, and a saved map.
 class Closures {
  public:
-  /// `operations_per_second`: see ReturningLandmarks.
+  /// `operations_per_second`: see SettlingAllowance.
   Closures(PlaceRecognition recognition, double operations_per_second)
-      : recognition_(recognition), returning_(operations_per_second), by_appearance_(operations_per_second) {}
+      : recognition_(recognition),
+        returning_(operations_per_second),
+        by_appearance_(operations_per_second),
+        by_constellation_(operations_per_second) {}
 
   /// After the frame of the report; `seconds` have passed since the last one. What the loop says that it has
   /// closed, if any: of several the one of the most landmarks.

@@ -4,6 +4,7 @@
 
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
+#include "vi_ekf_slam/core/map/settling_allowance.hpp"
 
 namespace vi_ekf_slam {
 
@@ -13,14 +14,15 @@ namespace vi_ekf_slam {
 /// that are near each other; both remain.
 class PlaceLoops {
  public:
-  PlaceLoops();
+  /// See SettlingAllowance.
+  explicit PlaceLoops(double operations_per_second);
   /// `seconds` have passed since the last frame. Landmarks of the place that was recognised.
   Revisit update(Filter& filter, LandmarkMap& map, Stamp now, double seconds);
 
  private:
   PlaceAgreement agreement_;
   std::optional<Stamp> next_attempt_;
-  double allowance_ = 0.0; ///< floating-point operations saved up for settling
+  SettlingAllowance allowance_;
 };
 
 } // namespace vi_ekf_slam

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
+#include "vi_ekf_slam/core/map/settling_allowance.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
@@ -17,8 +18,8 @@ std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, 
 /// and what should come into view next is made active, to be recognised at once.
 class ReturningLandmarks {
  public:
-  /// Floating-point operations that may be spent on settling, on the average of a second.
-  explicit ReturningLandmarks(double operations_per_second) : per_second_(operations_per_second) {}
+  /// See SettlingAllowance.
+  explicit ReturningLandmarks(double operations_per_second) : allowance_(operations_per_second) {}
 
   /// `seconds` have passed since the last frame. Those that were fused.
   Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
@@ -34,8 +35,7 @@ class ReturningLandmarks {
 
  private:
   std::unordered_set<FeatureId> elsewhere_; ///< in view, and not where they were seen before
-  double per_second_;
-  double allowance_ = 0.0; ///< floating-point operations saved up
+  SettlingAllowance allowance_;
 };
 
 } // namespace vi_ekf_slam

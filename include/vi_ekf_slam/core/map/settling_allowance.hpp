@@ -1,0 +1,33 @@
+#pragma once
+
+#include <algorithm>
+
+namespace vi_ekf_slam {
+
+/// Work for settling the inactive variables (InactiveStore::settle), earned with the time that passes: on the
+/// average closures cost no more than their share of a core, whatever the size of the map.
+class SettlingAllowance {
+ public:
+  /// Floating-point operations.
+  explicit SettlingAllowance(double per_second) : per_second_(per_second) {}
+
+  /// `seconds` have passed; settling would cost `cost` now. As much is saved as two settlings have cost at
+  /// the most: what is in view changes the cost from frame to frame, and on a long way without loops it grows
+  /// faster than what is earned.
+  void earn(double seconds, double cost) {
+    greatest_cost_ = std::max(greatest_cost_, cost);
+    saved_ =
+        std::min(saved_ + seconds * per_second_, std::max(2.0 * greatest_cost_, kMostSaved * per_second_));
+  }
+  bool covers(double cost) const { return saved_ >= cost; }
+  void spend(double cost) { saved_ -= cost; }
+  void spendAll() { saved_ = 0.0; }
+
+ private:
+  static constexpr double kMostSaved = 10.0; ///< s of work
+
+  double per_second_;
+  double saved_ = 0.0, greatest_cost_ = 0.0;
+};
+
+} // namespace vi_ekf_slam

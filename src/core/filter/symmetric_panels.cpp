@@ -1,0 +1,107 @@
+#include "vi_ekf_slam/core/filter/symmetric_panels.hpp"
+
+#include <algorithm>
+
+namespace vi_ekf_slam {
+
+SymmetricPanels::SymmetricPanels(const Eigen::MatrixXd& matrix) {
+  resize(matrix.rows());
+  set(0, 0, matrix);
+}
+
+Eigen::Index SymmetricPanels::heightOf(std::size_t panel) const {
+  return std::min(kPanel, rows_ - firstOf(panel));
+}
+
+void SymmetricPanels::resize(Eigen::Index rows) {
+  rows_ = rows;
+  panels_.resize(static_cast<std::size_t>((rows + kPanel - 1) / kPanel));
+  for (std::size_t p = 0; p < panels_.size(); ++p) {
+    if (panels_[p].size() == 0) panels_[p].resize(kPanel, firstOf(p) + kPanel);
+  }
+}
+
+/// What stays moves up and to the left, so that nothing is written over before it is read.
+void SymmetricPanels::keep(const std::vector<Eigen::Index>& kept) {
+  const auto count = static_cast<Eigen::Index>(kept.size());
+  Eigen::Index same = 0; // rows that stay where they are
+  while (same < count && kept[static_cast<std::size_t>(same)] == same) ++same;
+  for (Eigen::Index first = same; first < count;) {
+    const auto to = static_cast<std::size_t>(first / kPanel);
+    const Eigen::Index end = std::min(count, firstOf(to) + kPanel);
+    for (Eigen::Index column = 0; column < end; ++column) {
+      const Eigen::Index from_column = kept[static_cast<std::size_t>(column)];
+      for (Eigen::Index row = std::max(first, column); row < end; ++row) {
+        const Eigen::Index from = kept[static_cast<std::size_t>(row)];
+        panels_[to](row - firstOf(to), column) =
+            panels_[static_cast<std::size_t>(from / kPanel)](from % kPanel, from_column);
+      }
+    }
+    first = end;
+  }
+  resize(count);
+}
+
+void SymmetricPanels::set(Eigen::Index row, Eigen::Index column, const Eigen::Ref<const Eigen::MatrixXd>& M) {
+  for (Eigen::Index done = 0; done < M.rows();) {
+    const auto p = static_cast<std::size_t>((row + done) / kPanel);
+    const Eigen::Index at = row + done - firstOf(p), count = std::min(M.rows() - done, kPanel - at);
+    const Eigen::Index columns = std::min(M.cols(), panels_[p].cols() - column);
+    if (columns > 0) panels_[p].block(at, column, count, columns) = M.block(done, 0, count, columns);
+    done += count;
+  }
+}
+
+void SymmetricPanels::setProduct(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& L,
+                                 const Eigen::Ref<const Eigen::MatrixXd>& R) {
+  for (Eigen::Index done = 0; done < L.rows();) {
+    const auto p = static_cast<std::size_t>((row + done) / kPanel);
+    const Eigen::Index at = row + done - firstOf(p), count = std::min(L.rows() - done, kPanel - at);
+    panels_[p].block(at, 0, count, R.cols()).noalias() = L.middleRows(done, count) * R;
+    done += count;
+  }
+}
+
+void SymmetricPanels::subtractProduct(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                                      const Eigen::Ref<const Eigen::MatrixXd>& B) {
+  for (std::size_t p = 0; firstOf(p) < A.cols(); ++p) {
+    const Eigen::Index first = firstOf(p), count = std::min(kPanel, A.cols() - first);
+    panels_[p].topLeftCorner(count, first + count).noalias() -=
+        A.middleCols(first, count).transpose() * B.leftCols(first + count);
+  }
+}
+
+double SymmetricPanels::operator()(Eigen::Index row, Eigen::Index column) const {
+  if (row < column) std::swap(row, column);
+  return panels_[static_cast<std::size_t>(row / kPanel)](row % kPanel, column);
+}
+
+Eigen::MatrixXd SymmetricPanels::block(Eigen::Index row, Eigen::Index column, Eigen::Index rows,
+                                       Eigen::Index columns) const {
+  return Eigen::MatrixXd::NullaryExpr(
+      rows, columns, [&](Eigen::Index i, Eigen::Index j) { return (*this)(row + i, column + j); });
+}
+
+Eigen::MatrixXd SymmetricPanels::middleRows(Eigen::Index row, Eigen::Index rows) const {
+  Eigen::MatrixXd result(rows, rows_);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const auto own = static_cast<std::size_t>((row + i) / kPanel);
+    result.row(i).head(row + i + 1) = panels_[own].row((row + i) % kPanel).head(row + i + 1);
+    for (std::size_t p = own; p < panels_.size(); ++p) {
+      const Eigen::Index first = std::max(firstOf(p), row + i + 1), end = firstOf(p) + heightOf(p);
+      if (first >= end) continue;
+      result.row(i).segment(first, end - first) =
+          panels_[p].col(row + i).segment(first - firstOf(p), end - first).transpose();
+    }
+  }
+  return result;
+}
+
+std::size_t SymmetricPanels::bytes() const {
+  std::size_t total = 0;
+  for (const Eigen::MatrixXd& panel : panels_)
+    total += static_cast<std::size_t>(panel.size()) * sizeof(double);
+  return total;
+}
+
+} // namespace vi_ekf_slam
