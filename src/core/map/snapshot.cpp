@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/filter/symmetric.hpp"
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
 
 namespace vi_ekf_slam {
@@ -82,15 +83,16 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   P.topLeftCorner(base, base) = same * filter.covariance() * same.transpose();
   Eigen::Index column = base;
   for (const Eigen::Index from : rows) {
-    P.block(0, column, base, 3) = same * inactive.cross().middleCols<3>(from);
-    P.block(column, 0, 3, base) = P.block(0, column, base, 3).transpose();
-    Eigen::Index row = base;
+    P.block(column, 0, 3, base) = (same * inactive.cross().middleCols<3>(from)).transpose();
+    const Eigen::MatrixXd own = inactive.covariance().middleRows(from, 3);
+    Eigen::Index before = base;
     for (const Eigen::Index other : rows) {
-      P.block<3, 3>(row, column) = inactive.covariance().block(other, from, 3, 3);
-      row += 3;
+      if (other <= from) P.block<3, 3>(column, before) = own.middleCols<3>(other);
+      before += 3;
     }
     column += 3;
   }
+  mirrorLower(P);
   return map;
 }
 

@@ -326,16 +326,13 @@ bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covaria
   if (const auto from = closures_.takeResume()) relocaliseIn(from->map);
   const Filter before = filter_;
   const LandmarkMap map_before = map_;
-  bool done = false;
   const bool is_elsewhere = closures_.use() == MapUse::kWaiting;
-  if (is_elsewhere) {
-    done = closures_.placeIn(filter_, map_, world_T_imu, covariance);
-  } else {
+  if (!is_elsewhere) {
     loseAll();
-    done = recovery_.relocate(filter_, world_T_imu, covariance);
     closures_.restart();
   }
-  if (!done) {
+  if (!(is_elsewhere ? closures_.placeIn(filter_, map_, world_T_imu, covariance)
+                     : recovery_.relocate(filter_, world_T_imu, covariance))) {
     filter_ = before;
     map_ = map_before;
     return false;
