@@ -3,6 +3,20 @@
 #include <algorithm>
 
 namespace vi_ekf_slam {
+namespace {
+
+/// Of the `rows` from `row` on those of each panel: f(panel, first row in it, first of the rows, how many).
+template <class F>
+void forEachPart(Eigen::Index row, Eigen::Index rows, Eigen::Index panel_rows, const F& f) {
+  for (Eigen::Index done = 0; done < rows;) {
+    const Eigen::Index panel = (row + done) / panel_rows, at = (row + done) % panel_rows;
+    const Eigen::Index count = std::min(rows - done, panel_rows - at);
+    f(static_cast<std::size_t>(panel), at, done, count);
+    done += count;
+  }
+}
+
+} // namespace
 
 SymmetricPanels::SymmetricPanels(const Eigen::MatrixXd& matrix) {
   resize(matrix.rows());
@@ -43,23 +57,20 @@ void SymmetricPanels::keep(const std::vector<Eigen::Index>& kept) {
 }
 
 void SymmetricPanels::set(Eigen::Index row, Eigen::Index column, const Eigen::Ref<const Eigen::MatrixXd>& M) {
-  for (Eigen::Index done = 0; done < M.rows();) {
-    const auto p = static_cast<std::size_t>((row + done) / kPanel);
-    const Eigen::Index at = row + done - firstOf(p), count = std::min(M.rows() - done, kPanel - at);
-    const Eigen::Index columns = std::min(M.cols(), panels_[p].cols() - column);
-    if (columns > 0) panels_[p].block(at, column, count, columns) = M.block(done, 0, count, columns);
-    done += count;
-  }
+  forEachPart(row, M.rows(), kPanel,
+              [&](std::size_t p, Eigen::Index at, Eigen::Index done, Eigen::Index count) {
+                const Eigen::Index columns = std::min(M.cols(), panels_[p].cols() - column);
+                if (columns > 0)
+                  panels_[p].block(at, column, count, columns) = M.block(done, 0, count, columns);
+              });
 }
 
 void SymmetricPanels::setProduct(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& L,
                                  const Eigen::Ref<const Eigen::MatrixXd>& R) {
-  for (Eigen::Index done = 0; done < L.rows();) {
-    const auto p = static_cast<std::size_t>((row + done) / kPanel);
-    const Eigen::Index at = row + done - firstOf(p), count = std::min(L.rows() - done, kPanel - at);
-    panels_[p].block(at, 0, count, R.cols()).noalias() = L.middleRows(done, count) * R;
-    done += count;
-  }
+  forEachPart(row, L.rows(), kPanel,
+              [&](std::size_t p, Eigen::Index at, Eigen::Index done, Eigen::Index count) {
+                panels_[p].block(at, 0, count, R.cols()).noalias() = L.middleRows(done, count) * R;
+              });
 }
 
 void SymmetricPanels::subtractProduct(const Eigen::Ref<const Eigen::MatrixXd>& A,

@@ -41,7 +41,7 @@ class SymmetricPanels {
  private:
   static constexpr Eigen::Index kPanel = 256; ///< rows
 
-  /// The rows of a panel that are in use, and the columns up to its diagonal block.
+  /// How many rows of a panel are in use.
   Eigen::Index heightOf(std::size_t panel) const;
   static Eigen::Index firstOf(std::size_t panel) { return static_cast<Eigen::Index>(panel) * kPanel; }
 
