@@ -36,9 +36,10 @@ def draw(rectangles, cam_T_world, intrinsics, size):
     width, height = size
     image = np.full((height, width), SKY, dtype=np.float32)
     nearest = np.zeros((height, width), dtype=np.float32)  # 1 / depth
-    for rectangle in rectangles:
-        corners = rectangle.corners @ cam_T_world[:3, :3].T + cam_T_world[:3, 3]
-        box = _box(corners, intrinsics, size)
+    corners = np.array([rectangle.corners for rectangle in rectangles]).reshape(-1, 4, 3) @ cam_T_world[:3, :3].T + cam_T_world[:3, 3]
+    for k in _in_reach(corners, intrinsics, size):
+        rectangle = rectangles[k]
+        box = _box(corners[k], intrinsics, size)
         if box is None:
             continue
         left, top, right, bottom = box
@@ -66,10 +67,20 @@ def draw(rectangles, cam_T_world, intrinsics, size):
     return image
 
 
+def _in_reach(corners, intrinsics, size):
+    """Which of the rectangles (N, 4, 3) in the camera's frame can be in the picture: not those wholly behind, or to one side."""
+    before = corners[:, :, 2] > NEAR
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = corners @ intrinsics.T
+        pixels = pixels[:, :, :2] / pixels[:, :, 2:]
+    beside = (pixels < -1).all(axis=1) | (pixels > np.array(size) + 1).all(axis=1)
+    return np.flatnonzero(before.any(axis=1) & ~(before.all(axis=1) & beside.any(axis=1)))
+
+
 def _box(corners, intrinsics, size):
     """Pixel bounds (left, top, right, bottom) of a rectangle's part before the camera; None where nothing is in the picture."""
     clipped = []
-    for first, second in zip(corners, np.roll(corners, -1, axis=0)):
+    for first, second in zip(corners, corners[[1, 2, 3, 0]]):
         if first[2] > NEAR:
             clipped.append(first)
         if (first[2] > NEAR) != (second[2] > NEAR):
@@ -78,16 +89,16 @@ def _box(corners, intrinsics, size):
         return None
     pixels = np.array(clipped) @ intrinsics.T
     pixels = pixels[:, :2] / pixels[:, 2:]
-    low = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
-    high = np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, size).astype(int)
-    return (*low, *high) if (low < high).all() else None
+    low = [max(int(np.floor(v)), 0) for v in pixels.min(axis=0)]
+    high = [min(int(np.ceil(v)) + 1, most) for v, most in zip(pixels.max(axis=0), size)]
+    return (*low, *high) if low[0] < high[0] and low[1] < high[1] else None
 
 
 def _level(rectangle, a, b, w, where):
     """The pyramid's level with about one texture pixel a pixel, where most of the rectangle is seen."""
     share = np.ptp((a[where] / w[where])) * np.ptp((b[where] / w[where]))  # of the texture that is in view
     texels = max(share, 1e-9) * rectangle.pyramid[0].size
-    return int(np.clip(np.floor(0.5 * np.log2(max(texels / where.sum(), 1.0)) + 0.5), 0, LEVELS - 1))
+    return min(int(0.5 * np.log2(max(texels / where.sum(), 1.0)) + 0.5), LEVELS - 1)
 
 
 def box(corner, sides, random):
