@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/simulation/consistency.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -47,6 +48,21 @@ double tiltNees(const SE3& truth, const StateEstimate& estimate) {
 
 double velocityNees(const Eigen::Vector3d& truth, const StateEstimate& estimate) {
   return nees<3>(truth - estimate.twist.head<3>(), estimate.twist_covariance.topLeftCorner<3, 3>());
+}
+
+double absoluteTrajectoryError(const Eigen::Matrix3Xd& estimate, const Eigen::Matrix3Xd& truth,
+                               bool is_level) {
+  Eigen::Matrix4d truth_T_estimate = Eigen::Matrix4d::Identity();
+  if (is_level) {
+    const Eigen::Matrix3d plane = Eigen::umeyama(estimate.topRows<2>(), truth.topRows<2>(), false);
+    truth_T_estimate.topLeftCorner<2, 2>() = plane.topLeftCorner<2, 2>();
+    truth_T_estimate.topRightCorner<2, 1>() = plane.topRightCorner<2, 1>();
+    truth_T_estimate(2, 3) = truth.row(2).mean() - estimate.row(2).mean();
+  } else {
+    truth_T_estimate = Eigen::umeyama(estimate, truth, false);
+  }
+  const Eigen::Matrix3Xd error = truth_T_estimate.topRows<3>() * estimate.colwise().homogeneous() - truth;
+  return std::sqrt(error.colwise().squaredNorm().mean());
 }
 
 std::pair<double, double> chiSquareMeanBounds(double dof, double runs) {

@@ -28,7 +28,9 @@ FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& stat
   FrameErrors errors;
   errors.time = time;
   errors.nees = poseNees(truth, state);
-  errors.position = (state.world_T_imu.translation() - truth.translation()).norm();
+  errors.estimate = state.world_T_imu.translation();
+  errors.truth = truth.translation();
+  errors.position = (errors.estimate - errors.truth).norm();
   errors.dead_reckoning = (dead_reckoning.translation() - truth.translation()).norm();
   errors.yaw_sigma = std::sqrt(std::max(0.0, state.pose_covariance(5, 5)));
   errors.nis = report.nis;
@@ -92,9 +94,13 @@ struct Passed {
 
 void judgePath(const PathEstimate& path, const std::vector<Passed>& frames, SeedResult& result) {
   std::size_t nodes = 0, next = 0;
+  Eigen::Matrix3Xd truth(3, frames.size()), smoothed = truth;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const Passed& frame = frames[i];
     const SE3 now = path.at(frame.stamp, frame.estimate, Matrix6d::Zero()).world_T_imu;
+    const auto column = static_cast<Eigen::Index>(i);
+    truth.col(column) = frame.truth.translation();
+    smoothed.col(column) = now.translation();
     result.frames[i].smoothed = (now.translation() - frame.truth.translation()).norm();
     while (next < path.nodes.size() && path.nodes[next].stamp < frame.stamp) ++next;
     if (next == path.nodes.size() || path.nodes[next].stamp != frame.stamp) continue;
@@ -107,6 +113,7 @@ void judgePath(const PathEstimate& path, const std::vector<Passed>& frames, Seed
     result.largest_node_nees = std::max(result.largest_node_nees, nees);
     ++nodes;
   }
+  if (!frames.empty()) result.smoothed_ate = absoluteTrajectoryError(smoothed, truth, false);
   if (nodes > 0) result.node_nees /= static_cast<double>(nodes);
 }
 
@@ -229,6 +236,16 @@ double rmse(const SeedResult& result, double FrameErrors::*member) {
   double sum = 0.0;
   for (const FrameErrors& errors : result.frames) sum += errors.*member * errors.*member;
   return std::sqrt(sum / static_cast<double>(result.frames.size()));
+}
+
+double ate(const SeedResult& result) {
+  if (result.frames.empty()) return 0.0;
+  Eigen::Matrix3Xd estimate(3, result.frames.size()), truth = estimate;
+  for (std::size_t i = 0; i < result.frames.size(); ++i) {
+    estimate.col(static_cast<Eigen::Index>(i)) = result.frames[i].estimate;
+    truth.col(static_cast<Eigen::Index>(i)) = result.frames[i].truth;
+  }
+  return absoluteTrajectoryError(estimate, truth, result.inertial.has_value());
 }
 
 double nisPerDof(const SeedResult& result) {

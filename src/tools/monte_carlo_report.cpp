@@ -82,14 +82,14 @@ std::string seedsCsv(const std::vector<SeedResult>& results) {
   std::string text =
       "seed,frames,nis_per_dof,yaw_variance_fall,position_rmse,dead_reckoning_rmse,final_position_error,"
       "features,features_used,frames_rejected,places,wrong_places,revisited,smoothed_rmse,node_nees,"
-      "largest_node_nees\n";
+      "largest_node_nees,ate,smoothed_ate\n";
   for (const SeedResult& r : results) {
-    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu,%zu,%zu,%zu,%.6g,%.6g,%.6g\n",
+    text += format("%llu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g,%zu,%zu,%zu,%zu,%zu,%zu,%.6g,%.6g,%.6g,%.6g,%.6g\n",
                    static_cast<unsigned long long>(r.seed), r.frames.size(), nisPerDof(r), r.yaw_fall,
                    rmse(r, &FrameErrors::position), rmse(r, &FrameErrors::dead_reckoning),
                    r.frames.empty() ? InertialOutcome::kNever : r.frames.back().position, r.features,
                    r.features_used, r.frames_rejected, r.places, r.wrong_places, revisitedIn(r),
-                   rmse(r, &FrameErrors::smoothed), r.node_nees, r.largest_node_nees);
+                   rmse(r, &FrameErrors::smoothed), r.node_nees, r.largest_node_nees, ate(r), r.smoothed_ate);
   }
   return text;
 }
@@ -280,6 +280,9 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
       format("position RMSE                %.3f m (dead reckoning %.3f m), means over the seeds\n",
              frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::position); }),
              frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::dead_reckoning); }));
+  text += format("ATE                          %.3f m, after %s alignment\n",
+                 frameMean(results, [](const SeedResult& r) { return ate(r); }),
+                 isInertial(results) ? "yaw and translation" : "rigid");
   text += format("final position error         %.3f m (dead reckoning %.3f m)\n",
                  frameMean(results, [](const SeedResult& r) { return r.frames.back().position; }),
                  frameMean(results, [](const SeedResult& r) { return r.frames.back().dead_reckoning; }));
@@ -299,6 +302,8 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
     text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
                    frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }),
                    nees, largest);
+    text += format("ATE of the smoothed path     %.3f m, after rigid alignment\n",
+                   frameMean(results, [](const SeedResult& r) { return r.smoothed_ate; }));
   }
   return isDisturbed(results) ? text + rigSummary(results) : text;
 }

@@ -111,6 +111,24 @@ TEST(PoseNees, IsNotANumberWithoutAPositiveDefiniteCovariance) {
 }
 
 // Tables of the chi-square distribution: 0.025 and 0.975 quantiles of 300, 48, 30 degrees of freedom.
+TEST(AbsoluteTrajectoryError, IsWhatIsLeftAfterAnAlignment) {
+  Random random(6, RandomStream::kMotion);
+  const SE3 level(so3::Exp({0.0, 0.0, 2.0}), {120.0, -40.0, 6.0}), any = farPose();
+  for (const bool is_level : {false, true}) {
+    Eigen::Matrix3Xd truth(3, 4000), estimate(3, 4000), turned(3, 4000);
+    for (Eigen::Index i = 0; i < truth.cols(); ++i) {
+      truth.col(i) = 50.0 * random.normal3();
+      estimate.col(i) = level * Eigen::Vector3d(truth.col(i));
+      turned.col(i) = any * Eigen::Vector3d(truth.col(i));
+    }
+    EXPECT_NEAR(absoluteTrajectoryError(estimate, truth, is_level), 0.0, 1e-9);
+    EXPECT_EQ(absoluteTrajectoryError(turned, truth, is_level) < 1e-9, !is_level);
+    for (Eigen::Index i = 0; i < truth.cols(); ++i) estimate.col(i) += 0.2 * random.normal3();
+    EXPECT_NEAR(absoluteTrajectoryError(estimate, truth, is_level), 0.2 * std::sqrt(3.0), 0.01);
+    EXPECT_GT(absoluteTrajectoryError(1.01 * estimate, truth, is_level), 0.6); // the scale is not fitted
+  }
+}
+
 TEST(ChiSquareMeanBounds, AreThoseOfTheTables) {
   const auto [low, high] = chiSquareMeanBounds(6.0, 50.0);
   EXPECT_NEAR(low, 253.912 / 50.0, 0.005);

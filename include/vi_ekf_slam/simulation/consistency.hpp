@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
 #include <optional>
 #include <utility>
@@ -34,6 +35,12 @@ double tiltNees(const SE3& truth, const StateEstimate& estimate);
 
 /// Of the velocity along the IMU's axes, m/s, 3 degrees of freedom.
 double velocityNees(const Eigen::Vector3d& truth, const StateEstimate& estimate);
+
+/// RMS distance (m) of the points `estimate` from those of `truth` (3 x n, column by column), after the rigid
+/// motion that brings them closest: the ATE. Where gravity is known (`is_level`) that motion is a translation
+/// and a turn about the z axis.
+double absoluteTrajectoryError(const Eigen::Matrix3Xd& estimate, const Eigen::Matrix3Xd& truth,
+                               bool is_level);
 
 /// Bounds between which the mean of `runs` independent chi-square values of `dof` degrees of freedom lies
 /// with probability 0.95 (Wilson and Hilferty 1931; good to 0.3 % from 30 degrees of freedom in total).

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -20,6 +21,7 @@ struct FrameErrors {
   double position = 0.0;       ///< m, distance between estimate and truth, without any alignment
   double smoothed = 0.0;       ///< m, the same as it is known at the end of the drive
   double dead_reckoning = 0.0; ///< m, the same for dead reckoning
+  Eigen::Vector3d estimate = Eigen::Vector3d::Zero(), truth = estimate; ///< m, positions
   double yaw_sigma = 0.0;      ///< rad, published standard deviation of the global yaw
   double nis = 0.0;
   std::size_t nis_dof = 0;
@@ -40,7 +42,8 @@ struct SeedResult {
   /// than it was, by more than a metre.
   std::size_t places = 0, wrong_places = 0;
   std::size_t features = 0, features_used = 0;
-  /// Of the smoothed path's nodes: NEES of the pose, mean and largest.
+  double smoothed_ate = 0.0; ///< m, of the path as it is known at the end
+  /// Of its nodes: NEES of the pose, mean and largest.
   double node_nees = 0.0, largest_node_nees = 0.0;
   std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
@@ -88,6 +91,8 @@ std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results);
 
 /// RMS over the frames of `member` of FrameErrors, m.
 double rmse(const SeedResult& result, double FrameErrors::*member);
+/// absoluteTrajectoryError of the drive, m; 0 without an estimate.
+double ate(const SeedResult& result);
 /// Sum of NIS over sum of its degrees of freedom; not a number when there are none.
 double nisPerDof(const SeedResult& result);
 
