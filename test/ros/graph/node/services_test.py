@@ -4,11 +4,12 @@
 import math
 import os
 import sys
+import time
 
 import dynamic_reconfigure.client
 import rospy
 import rostest
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from nav_msgs.msg import Path
 from rosgraph_msgs.msg import Log
 
@@ -144,6 +145,28 @@ class ServicesTest(NodeRunner):
         self.play(4.5, 7.0, start)
         self.answered(start + 6.7)
         self.check_pose(drive_data.pose_at(self.odometry[-1].header.stamp.to_sec() - start), 0.3)
+
+    def test_biases_that_are_told_late_count_from_the_first_sample(self):
+        """Each topic has a connection of its own, so that what is published first may come last."""
+        bias = TwistWithCovarianceStamped()
+        bias.header.stamp, bias.header.frame_id = rospy.Time.from_sec(START), drive_data.IMU
+        bias.twist.twist.angular.z = 0.5
+        bias.twist.covariance = [1e-8 if i % 7 == 0 else 0.0 for i in range(36)]
+        publisher = rospy.Publisher("twist_bias", TwistWithCovarianceStamped, queue_size=1)
+        self.addCleanup(publisher.unregister)
+        self.start_node(buffer={"max_delay_s": 0.1})
+        self.wait_for(lambda: publisher.get_num_connections() > 0)
+
+        def see_nothing(message):
+            message.features = []
+        self.play(0.0, 0.6, change=see_nothing)
+        time.sleep(0.5)
+        self.assertFalse(self.odometry)
+        publisher.publish(bias)
+        self.play(0.7, 2.0, change=see_nothing)
+        self.answered(START + 1.8)
+        elapsed = self.odometry[-1].header.stamp.to_sec() - START
+        self.assertAlmostEqual((drive_data.YAW_RATE - 0.5) * elapsed, self.pose()[2], delta=0.05)
 
     def test_stored_rates_and_gates_are_those_that_it_starts_with(self):
         """As for every server of dynamic_reconfigure; the rest is the configuration's."""
