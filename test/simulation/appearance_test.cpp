@@ -17,7 +17,8 @@ namespace {
 
 constexpr std::size_t kSeeds = kSanitized ? 1 : 4;
 
-std::vector<SeedResult> drive(DriveOptions options, PlaceRecognition recognition) {
+std::vector<SeedResult> drive(DriveOptions options, PlaceRecognition recognition,
+                              std::size_t seeds = kSeeds) {
   options.descriptors = true;
   options.strength_spread = 3.0;
   Config config;
@@ -25,7 +26,7 @@ std::vector<SeedResult> drive(DriveOptions options, PlaceRecognition recognition
   config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
   config.invariant.stereo.pixel_sigma = options.pixel_sigma;
   config.invariant.recognise_places = recognition;
-  return runSeeds(config, options, 1, kSeeds, 1);
+  return runSeeds(config, options, 1, seeds, 1);
 }
 
 double finalRms(const std::vector<SeedResult>& results) {
@@ -62,8 +63,9 @@ TEST(PlacesByLooks, AreNotMistakenInStreetsThatRepeatThemselves) {
 TEST(PlacesByLooks, RepeatThemselves) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.laps = 1.2;
-  const auto once = drive(options, PlaceRecognition::kDescriptors),
-             again = drive(options, PlaceRecognition::kDescriptors);
+  const auto once = drive(options, PlaceRecognition::kDescriptors, 1),
+             again = drive(options, PlaceRecognition::kDescriptors, 1);
+  EXPECT_GT(once.front().places, 0u);
   EXPECT_EQ(once.front().frames.back().position, again.front().frames.back().position);
   EXPECT_EQ(once.front().places, again.front().places);
 }
