@@ -80,8 +80,7 @@ bool follows(const LandmarkMap& map, Stamp now) {
 
 } // namespace
 
-AppearanceLoops::AppearanceLoops(double operations_per_second)
-    : allowance_(operations_per_second), agreement_(kAttempts, kOthers) {}
+AppearanceLoops::AppearanceLoops() : agreement_(kAttempts, kOthers) {}
 
 void AppearanceLoops::restart() {
   look_ups_.clear();
@@ -129,25 +128,23 @@ void AppearanceLoops::claim(Filter& filter, LandmarkMap& map, const StereoModel&
 }
 
 Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                double seconds) {
+                                SettlingAllowance& allowance) {
   if (filter.inactive().isEmpty()) return {};
-  const double cost = filter.inactive().settlingCost();
-  allowance_.earn(seconds, cost);
   if (!next_index_ || now >= *next_index_) {
     next_index_ = now + fromSeconds(kBetweenIndices);
     index(filter, map);
   }
   if (known_.isEmpty()) return {};
   lookUp(filter, map);
-  if (!allowance_.covers(cost) || (next_attempt_ && now < *next_attempt_)) return {};
+  if (!allowance.suffices() || (next_attempt_ && now < *next_attempt_)) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
   if (const auto found = place(filter, map)) {
-    allowance_.spend(cost);
+    allowance.spend();
     return close(*found, filter, map, model, now);
   }
   if (!follows(map, now)) return {};
   const std::vector<FeatureId> expected = expectedIn(filter, map, model);
-  if (!expected.empty()) allowance_.spend(cost);
+  if (!expected.empty()) allowance.spend();
   map.reactivate(filter, expected, now);
   return {};
 }

@@ -22,14 +22,10 @@ constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner f
 
 } // namespace
 
-PlaceLoops::PlaceLoops(double operations_per_second)
-    : agreement_(2, kLeastAgreeing), allowance_(operations_per_second) {}
+PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
 
-Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double seconds) {
-  const double cost = filter.inactive().settlingCost();
-  allowance_.earn(seconds, cost);
-  if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore ||
-      !allowance_.covers(cost))
+Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, SettlingAllowance& allowance) {
+  if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore || !allowance.suffices())
     return {};
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.keptOfView();
@@ -57,7 +53,7 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, double s
   if (!recognition) return {};
   if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
 
-  allowance_.spendAll();
+  allowance.spend();
   std::vector<FeatureId> ids;
   const FeatureId middle = recognition->matches[recognition->matches.size() / 2].second;
   const Stamp last_seen = map.inactive(map.inactiveVariable(middle)).last_seen;

@@ -55,10 +55,8 @@ bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filt
 }
 
 Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                   double seconds) {
+                                   SettlingAllowance& allowance) {
   if (filter.inactive().isEmpty()) return {};
-  const double cost = filter.inactive().settlingCost();
-  allowance_.earn(seconds, cost);
   std::vector<FeatureId> ids;
   std::unordered_set<FeatureId> in_view;
   for (const Landmark& landmark : map.active()) {
@@ -69,8 +67,8 @@ Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const Stere
       ids.push_back(landmark.id);
   }
   elsewhere_.swap(in_view);
-  if (ids.size() < kLeast || !allowance_.covers(cost)) return {};
-  allowance_.spend(cost);
+  if (ids.size() < kLeast || !allowance.suffices()) return {};
+  allowance.spend();
   return fuse(filter, map, model, now, ids, kLeast);
 }
 

@@ -18,17 +18,16 @@ namespace vi_ekf_slam {
 /// a frame is bounded by counts, so that the result does not depend on timing.
 class AppearanceLoops {
  public:
-  /// See SettlingAllowance.
-  explicit AppearanceLoops(double operations_per_second);
+  AppearanceLoops();
 
   /// Before a frame is associated: features of new tracks that look like landmarks which are expected in
   /// view, and lie where these should be seen, are theirs from now on, to kCornerSigma.
   static void claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
                     const StereoFrame& frame, const std::vector<std::size_t>& usable);
 
-  /// After a frame; `seconds` have passed since the last one. Landmarks that were found to be ones that were
-  /// seen before, by being compared.
-  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
+  /// After a frame. Landmarks that were found to be ones that were seen before, by being compared.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                 SettlingAllowance& allowance);
   void restart();
 
  private:
@@ -45,7 +44,6 @@ class AppearanceLoops {
   void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;
 
-  SettlingAllowance allowance_;
   AppearanceIndex known_;
   std::optional<Stamp> next_index_, next_attempt_;
   std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view

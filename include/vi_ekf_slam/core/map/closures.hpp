@@ -9,6 +9,7 @@
 #include "vi_ekf_slam/core/map/place_recognition.hpp"
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
+#include "vi_ekf_slam/core/map/settling_allowance.hpp"
 
 namespace vi_ekf_slam {
 
@@ -18,16 +19,14 @@ class Closures {
  public:
   /// `operations_per_second`: see SettlingAllowance.
   Closures(PlaceRecognition recognition, double operations_per_second)
-      : recognition_(recognition),
-        returning_(operations_per_second),
-        by_appearance_(operations_per_second),
-        by_constellation_(operations_per_second) {}
+      : recognition_(recognition), allowance_(operations_per_second) {}
 
   /// After the frame of the report; `seconds` have passed since the last one. What the loop says that it has
   /// closed, if any: of several the one of the most landmarks.
   Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
                  FrameReport& report) {
-    Revisit revisit = returning_.update(filter, map, model, report.stamp, seconds);
+    if (!filter.inactive().isEmpty()) allowance_.earn(seconds, filter.inactive().settlingCost());
+    Revisit revisit = returning_.update(filter, map, model, report.stamp, allowance_);
     report.revisited += revisit.landmarks;
     const auto recognised = [&](const Revisit& place) {
       report.place_recognised |= place.landmarks > 0;
@@ -35,10 +34,9 @@ class Closures {
       return place.landmarks;
     };
     if (recognition_ != PlaceRecognition::kNone)
-      report.revisited +=
-          recognised(by_appearance_.update(filter, map, model, report.stamp, seconds));
+      report.revisited += recognised(by_appearance_.update(filter, map, model, report.stamp, allowance_));
     if (recognition_ == PlaceRecognition::kConstellation)
-      recognised(by_constellation_.update(filter, map, report.stamp, seconds));
+      recognised(by_constellation_.update(filter, map, report.stamp, allowance_));
     report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, report.stamp);
     if (!report.relocalised) return revisit;
     by_appearance_.restart();
@@ -85,6 +83,7 @@ class Closures {
 
  private:
   PlaceRecognition recognition_;
+  SettlingAllowance allowance_;
   ReturningLandmarks returning_;
   AppearanceLoops by_appearance_;
   PlaceLoops by_constellation_;

@@ -14,15 +14,13 @@ namespace vi_ekf_slam {
 /// that are near each other; both remain.
 class PlaceLoops {
  public:
-  /// See SettlingAllowance.
-  explicit PlaceLoops(double operations_per_second);
-  /// `seconds` have passed since the last frame. Landmarks of the place that was recognised.
-  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, double seconds);
+  PlaceLoops();
+  /// After a frame. Landmarks of the place that was recognised.
+  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, SettlingAllowance& allowance);
 
  private:
   PlaceAgreement agreement_;
   std::optional<Stamp> next_attempt_;
-  SettlingAllowance allowance_;
 };
 
 } // namespace vi_ekf_slam

@@ -18,11 +18,9 @@ std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, 
 /// and what should come into view next is made active, to be recognised at once.
 class ReturningLandmarks {
  public:
-  /// See SettlingAllowance.
-  explicit ReturningLandmarks(double operations_per_second) : allowance_(operations_per_second) {}
-
-  /// `seconds` have passed since the last frame. Those that were fused.
-  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, double seconds);
+  /// After a frame. Those that were fused.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+                 SettlingAllowance& allowance);
 
   /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree.
   Revisit fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
@@ -35,7 +33,6 @@ class ReturningLandmarks {
 
  private:
   std::unordered_set<FeatureId> elsewhere_; ///< in view, and not where they were seen before
-  SettlingAllowance allowance_;
 };
 
 } // namespace vi_ekf_slam
