@@ -104,10 +104,11 @@ def save_pictures(pictures, folder):
     """Write (name, Figure) as folder/evaluation_NAME.png and .svg; yields the paths without suffix."""
     for name, figure in pictures:
         from vi_ekf_slam.evaluation import top_view
+        box = top_view.tight_box(figure)
         for path in _paths(folder, name):
             check_output(path)
             with replacing(path) as stream:
-                top_view.save(figure, stream, os.path.splitext(path)[1][1:])
+                top_view.save(figure, stream, os.path.splitext(path)[1][1:], box=box)
         yield os.path.splitext(path)[0]
 
 

@@ -5,6 +5,7 @@ import matplotlib
 matplotlib.use("Agg")  # files only; a machine without a display must do
 
 import numpy as np  # noqa: E402
+from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
 from matplotlib.collections import LineCollection  # noqa: E402
 from matplotlib.colors import LogNorm  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
@@ -117,11 +118,18 @@ def enlargement(deviations, cell):
     return max([factor for factor in ENLARGEMENTS if factor <= room], default=1)
 
 
-def save(figure, stream, kind, dpi="figure"):
+def tight_box(figure):
+    """The part of the figure (matplotlib's Bbox, inches) that keeps every label inside; whoever saves it twice works it out once."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return figure.get_tightbbox(canvas.get_renderer()).padded(matplotlib.rcParams["savefig.pad_inches"])
+
+
+def save(figure, stream, kind, dpi="figure", box="tight"):
     """Write the figure as `kind` ("png" or "svg"); the tight box keeps every label inside the picture."""
     # No date and no random ids: the same run gives the same file.
     with matplotlib.rc_context({"svg.hashsalt": "vi_ekf_slam"}):
-        figure.savefig(stream, format=kind, dpi=dpi, bbox_inches="tight", metadata={"Date": None} if kind == "svg" else None)
+        figure.savefig(stream, format=kind, dpi=dpi, bbox_inches=box, metadata={"Date": None} if kind == "svg" else None)
 
 
 def color_limits(deviations):
