@@ -15,7 +15,7 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::size_t kSeeds = kSanitized ? 1 : 3;
+constexpr std::size_t kSeeds = kSanitized ? 1 : 4;
 
 std::vector<SeedResult> drive(DriveOptions options, PlaceRecognition recognition,
                               std::size_t seeds = kSeeds) {

@@ -14,9 +14,9 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::size_t kSeeds = kSanitized ? 1 : 5, kSeedsOfLongTracks = kSanitized ? 1 : 3;
+constexpr std::size_t kSeeds = kSanitized ? 1 : 5;
 
-std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction, std::size_t seeds = kSeeds) {
+std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction) {
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.ids_return = true;
   options.stale_fraction = stale_fraction;
@@ -26,7 +26,7 @@ std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction, std::s
   config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
   config.invariant.stereo.pixel_sigma = options.pixel_sigma;
   config.invariant.map.keep = keep;
-  return runSeeds(config, options, 1, seeds, 1);
+  return runSeeds(config, options, 1, kSeeds, 1);
 }
 
 /// RMS over the seeds of the position error at the end, m.
@@ -65,8 +65,8 @@ double neesOnceClosed(const std::vector<SeedResult>& results) {
 
 /// Not overconfident. A car accelerates less than the filter allows for, so that it may be better than it says;
 /// but not so much that the covariance says nothing.
-void expectHonest(double nees, std::size_t seeds) {
-  const auto [low, high] = chiSquareMeanBounds(6, static_cast<double>(seeds));
+void expectHonest(double nees) {
+  const auto [low, high] = chiSquareMeanBounds(6, kSeeds);
   EXPECT_GT(nees, 0.5 * low);
   EXPECT_LT(nees, high);
   std::printf("mean pose NEES %.2f (%.2f to %.2f)\n", nees, low, high);
@@ -85,12 +85,10 @@ TEST_F(Loop, FindsLandmarksAgain) {
   }
 }
 
-TEST_F(Loop, IsHonestOnceItIsClosed) { expectHonest(neesOnceClosed(good_), kSeeds); }
+TEST_F(Loop, IsHonestOnceItIsClosed) { expectHonest(neesOnceClosed(good_)); }
 
 // Tracks that no stale frame breaks are longer and slide farther, and more ids return.
-TEST_F(Loop, IsHonestWithLongTracks) {
-  expectHonest(neesOnceClosed(driveTwoLaps(MapKeep::kGood, 0.0, kSeedsOfLongTracks)), kSeedsOfLongTracks);
-}
+TEST_F(Loop, IsHonestWithLongTracks) { expectHonest(neesOnceClosed(driveTwoLaps(MapKeep::kGood, 0.0))); }
 
 } // namespace
 } // namespace vi_ekf_slam::simulation

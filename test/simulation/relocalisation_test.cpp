@@ -20,7 +20,7 @@
 namespace vi_ekf_slam::simulation {
 namespace {
 
-constexpr std::uint64_t kSeeds = kSanitized ? 1 : 3;
+constexpr std::uint64_t kSeeds = kSanitized ? 1 : 4;
 
 /// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
 /// with their ids or, `by_looks`, with descriptors alone.
