@@ -110,7 +110,6 @@ TEST(PoseNees, IsNotANumberWithoutAPositiveDefiniteCovariance) {
   EXPECT_EQ(poseNees(SE3(), state).pose, 0.0);
 }
 
-// Tables of the chi-square distribution: 0.025 and 0.975 quantiles of 300, 48, 30 degrees of freedom.
 TEST(AbsoluteTrajectoryError, IsWhatIsLeftAfterAnAlignment) {
   Random random(6, RandomStream::kMotion);
   const SE3 level(so3::Exp({0.0, 0.0, 2.0}), {120.0, -40.0, 6.0}), any = farPose();
@@ -129,6 +128,7 @@ TEST(AbsoluteTrajectoryError, IsWhatIsLeftAfterAnAlignment) {
   }
 }
 
+// Tables of the chi-square distribution: 0.025 and 0.975 quantiles of 300, 48, 30 degrees of freedom.
 TEST(ChiSquareMeanBounds, AreThoseOfTheTables) {
   const auto [low, high] = chiSquareMeanBounds(6.0, 50.0);
   EXPECT_NEAR(low, 253.912 / 50.0, 0.005);
