@@ -15,21 +15,14 @@ void CompressedCore::open(const Eigen::Vector3d& position, const Eigen::Ref<cons
 }
 
 void CompressedCore::correct(const LinearMeasurement& z, const SmallMatrix& L_inverse,
-                             const SmallVector& white, const Eigen::MatrixXd& A) {
-  Eigen::MatrixXd HPhi_t = Eigen::MatrixXd::Zero(padded_, z.rows());
-  for (const LinearMeasurement::Term& term : z)
-    HPhi_t.noalias() += Phi_t_.middleCols(term.column, term.H.cols()).lazyProduct(term.H.transpose());
-  const Eigen::MatrixXd B = HPhi_t.lazyProduct(L_inverse.transpose());
+                             const SmallVector& white, const CoreColumns& A) {
+  CoreColumns HPhi_t = CoreColumns::Zero(padded_, z.rows());
+  z.addTransposedProduct(Phi_t_, HPhi_t);
+  const CoreColumns B = HPhi_t.lazyProduct(L_inverse.transpose());
   const auto core = B.topRows(size_);
   psi_.noalias() += core.lazyProduct(white);
-  if (z.rows() == 3) { // a sample's
-    const auto B3 = B.leftCols<3>();
-    Omega_.noalias() += B3.lazyProduct(core.leftCols<3>().transpose());
-    Phi_t_.noalias() -= B3.lazyProduct(A.leftCols<3>().transpose());
-  } else {
-    Omega_.noalias() += B.lazyProduct(core.transpose());
-    Phi_t_.noalias() -= B.lazyProduct(A.transpose());
-  }
+  Omega_.noalias() += B.lazyProduct(core.transpose());
+  Phi_t_.noalias() -= B.lazyProduct(A.topRows(size_).transpose());
 }
 
 /// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of

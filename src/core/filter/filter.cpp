@@ -41,6 +41,7 @@ Filter::Filter(const SE3& pose, const Matrix6d& covariance)
 }
 
 void Filter::closeCore() {
+  if (rows() > kMostCoreRows) throw std::logic_error("the core has more rows than its steps have room for");
   core_rows_ = rows();
   core_ = CompressedCore(core_rows_);
 }
@@ -79,10 +80,13 @@ void Filter::propagate(const CoreStep& step) {
   const Eigen::Index k = step.F.rows(), w = step.F.cols(), q = step.Q.rows();
   auto Pc = covariance_.topLeftCorner(core_rows_, core_rows_);
   core_.open(pose().translation(), Pc);
-  const Eigen::MatrixXd PF = Pc.middleCols(step.row, w).lazyProduct(step.F.transpose());
-  const Eigen::MatrixXd FPF = step.F.lazyProduct(PF.middleRows(step.row, w));
-  Pc.middleCols(step.row, k) = PF;
-  Pc.middleRows(step.row, k) = PF.transpose();
+  auto padded = paddedCore();
+  const Eigen::Index behind = padded.rows() - core_rows_;
+  CoreSquare PF = padded.middleCols(step.row, w).lazyProduct(step.F.transpose());
+  PF.bottomRows(behind) = padded.middleCols(step.row, k).bottomRows(behind);
+  const CoreSquare FPF = step.F.lazyProduct(PF.middleRows(step.row, w));
+  padded.middleCols(step.row, k) = PF;
+  Pc.middleRows(step.row, k) = PF.topRows(core_rows_).transpose();
   Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
   Pc.block(step.row, step.row, q, q) += step.Q;
   core_.transform(step.row, step.F);
@@ -194,28 +198,31 @@ Handle Filter::augment(Chart chart, const Eigen::VectorXd& mean,
 }
 
 bool Filter::correct(const LinearMeasurement& z) {
+  if (z.isWithin(core_rows_)) return correctCore(z);
+  settle();
+  Innovation in(covariance(), {z});
+  return in.factorise() && correct(in);
+}
+
+bool Filter::correctCore(const LinearMeasurement& z) {
   const Eigen::Index c = core_rows_;
-  if (!z.isWithin(c)) {
-    settle();
-    Innovation in(covariance(), {z});
-    return in.factorise() && correct(in);
-  }
   auto Pc = covariance_.topLeftCorner(c, c);
-  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(c, z.rows());
-  for (const LinearMeasurement::Term& term : z)
-    PHt.noalias() += Pc.middleCols(term.column, term.H.cols()).lazyProduct(term.H.transpose());
+  auto padded = paddedCore();
+  CoreColumns PHt = CoreColumns::Zero(padded.rows(), z.rows());
+  z.addTransposedProduct(padded, PHt);
+  PHt.bottomRows(padded.rows() - c).setZero();
   SmallMatrix S = z.noise();
   z.addProduct(PHt, S);
   const Eigen::LLT<SmallMatrix> llt(S);
   if (llt.info() != Eigen::Success) return false;
   const SmallMatrix L_inverse = llt.matrixL().solve(SmallMatrix::Identity(z.rows(), z.rows()));
   const SmallVector white = L_inverse.lazyProduct(z.residual());
-  const Eigen::MatrixXd A = PHt.lazyProduct(L_inverse.transpose());
-  const Eigen::VectorXd error = A.lazyProduct(white);
+  const CoreColumns A = PHt.lazyProduct(L_inverse.transpose());
+  const Eigen::VectorXd error = A.topRows(c).lazyProduct(white);
   if (!error.allFinite()) return false;
   core_.open(pose().translation(), Pc);
   core_.correct(z, L_inverse, white, A);
-  Pc.noalias() -= A.lazyProduct(A.transpose());
+  padded.noalias() -= A.lazyProduct(A.topRows(c).transpose());
   const Eigen::Vector3d before = pose().translation();
   const auto reexpressed = variables_.retract(error, c, {});
   reexpress(Pc, reexpressed);

@@ -31,8 +31,9 @@ class Stepped {
     for (Eigen::Index column = 0; column < size_; column += 6)
       measurement.by(column, H.middleCols(column, std::min<Eigen::Index>(6, size_ - column)));
     const Eigen::MatrixXd L_inverse = S.llt().matrixL().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols()));
-    core_.correct(measurement, L_inverse, SmallVector(L_inverse * nu),
-                  PHt.topRows(size_) * L_inverse.transpose());
+    CoreColumns A = CoreColumns::Zero(core_.padded(), S.rows());
+    A.topRows(size_) = PHt.topRows(size_) * L_inverse.transpose();
+    core_.correct(measurement, L_inverse, SmallVector(L_inverse * nu), A);
     const Eigen::MatrixXd K = PHt * inverseOf(S);
     P_ -= K * S * K.transpose();
     error_ += K * nu;

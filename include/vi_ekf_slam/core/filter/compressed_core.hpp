@@ -6,6 +6,12 @@
 
 namespace vi_ekf_slam {
 
+constexpr Eigen::Index kMostCoreRows = 64;
+/// Columns of a core's rows, as many as a measurement has or as the core, without memory of their own.
+using CoreColumns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostCoreRows, 6>;
+using CoreSquare =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostCoreRows, kMostCoreRows>;
+
 /// What a period in which only the first c errors (pose, motion, biases) take part does to all the others:
 /// with x0 the core's errors when it began, they are Phi x0 (and noise) now, and any other error r, whose
 /// covariance with x0 was P_r0, has
@@ -19,6 +25,8 @@ class CompressedCore {
  public:
   explicit CompressedCore(Eigen::Index size) : size_(size), padded_((size + kPad - 1) / kPad * kPad) {}
 
+  /// Rows with the padding.
+  Eigen::Index padded() const { return padded_; }
   bool isOpen() const { return open_; }
   /// Begins a period, if none is under way, with the body at `position` (world, m) and the core's covariance
   /// `P` (c x c).
@@ -29,9 +37,10 @@ class CompressedCore {
   void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
     Phi_t_.middleCols(row, F.rows()) = Phi_t_.middleCols(row, F.cols()).lazyProduct(F.transpose()).eval();
   }
-  /// They are corrected by a measurement with S = L L^T: L^-1, L^-1 residual, and A = P H^T L^-T (c x r).
+  /// They are corrected by a measurement with S = L L^T: L^-1, L^-1 residual, and A = P H^T L^-T, padded with
+  /// zeros (r columns).
   void correct(const LinearMeasurement& z, const SmallMatrix& L_inverse, const SmallVector& white,
-               const Eigen::MatrixXd& A);
+               const CoreColumns& A);
 
   auto Phi() const { return Phi_t_.topRows(size_).transpose(); }
   auto Phi() { return Phi_t_.topRows(size_).transpose(); }

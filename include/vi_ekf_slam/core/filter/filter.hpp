@@ -119,6 +119,9 @@ class Filter {
  private:
   Eigen::Ref<Eigen::MatrixXd> P() { return covariance_.topLeftCorner(rows(), rows()); }
   Eigen::MatrixXd poseInfluence(const Eigen::Vector3d& position) const;
+  /// The core's columns, and of others' rows as many as make them whole vectors of the processor.
+  auto paddedCore() { return covariance_.topLeftCorner(core_.padded(), core_rows_); }
+  bool correctCore(const LinearMeasurement& z);
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
   std::vector<Eigen::VectorXd> settledMeans();

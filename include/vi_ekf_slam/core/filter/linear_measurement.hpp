@@ -63,6 +63,18 @@ class LinearMeasurement {
     return true;
   }
 
+  /// result += X H^T, for X with a column for each of the errors.
+  template <class Matrix, class Result>
+  void addTransposedProduct(const Matrix& X, Result&& result) const {
+    for (const Term& term : *this) {
+      if (term.H.rows() == 3 && term.H.cols() == 3)
+        result.noalias() +=
+            X.template middleCols<3>(term.column).lazyProduct(Eigen::Matrix3d(term.H).transpose());
+      else
+        result.noalias() += X.middleCols(term.column, term.H.cols()).lazyProduct(term.H.transpose());
+    }
+  }
+
   /// result += H X, for X with the rows of the error vector.
   template <class Matrix, class Result>
   void addProduct(const Matrix& X, Result&& result) const {
