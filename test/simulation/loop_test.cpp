@@ -21,6 +21,7 @@ std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction) {
   options.ids_return = true;
   options.stale_fraction = stale_fraction;
   options.strength_spread = 3.0;
+  options.features_max = 75; // a closure costs their cube
   Config config;
   // The truth about its tracks: they do not slip, and their noise is white.
   config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
