@@ -49,7 +49,8 @@ fuzz() {
   for name in "$@"; do
     [ -d "$corpus/$name" ] || fail "unknown target '$name'; known are: estimator, config, messages, bag, map"
   done
-  command -v clang++ >/dev/null || fail "needs clang++: on Debian 12 setup.sh installs it, elsewhere: apt-get install clang"
+  command -v clang++ >/dev/null || MORE_PACKAGES="clang libclang-rt-14-dev" "$root/scripts/setup.sh"
+  command -v clang++ >/dev/null || fail "needs clang++: apt-get install clang"
   export UBSAN_OPTIONS="print_stacktrace=1"
   export ASAN_OPTIONS="detect_leaks=1:allocator_may_return_null=0"
   mkdir -p "$folder"

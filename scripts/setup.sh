@@ -3,6 +3,7 @@
 # programs into bin/, where rosrun looks.
 # Does nothing where all is in place. Afterwards: source build/devel/setup.bash
 # JOBS=N limits the build to N jobs (default: all cores). CMAKE_OPTIONS="-D..." are given to CMake where it configures.
+# MORE_PACKAGES="..." are more Debian packages to install.
 
 set -euo pipefail
 # shellcheck source=scripts/environment.sh
@@ -10,8 +11,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 
 read -r -a cmake_options <<<"${CMAKE_OPTIONS:-}"
 packages=(
-  build-essential catkin catkin-lint clang clang-format cmake
-  libbenchmark-dev libboost-program-options-dev libbz2-dev libclang-rt-14-dev libcv-bridge-dev libdiagnostic-updater-dev
+  build-essential catkin catkin-lint cmake
+  libbenchmark-dev libboost-program-options-dev libbz2-dev libcv-bridge-dev libdiagnostic-updater-dev
   libdynamic-reconfigure-config-init-mutex-dev libeigen3-dev libgl1-mesa-dri libgtest-dev libimage-transport-dev libnodelet-dev
   libnodeletlib-dev libnodeletlib-tools libopencv-dev librosbag-dev librosbag-storage-dev libroslz4-dev librostest-dev
   libtf2-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
@@ -22,6 +23,8 @@ packages=(
   python3-visualization-msgs python3-yaml
   ros-base-dev ros-robot-state-publisher rosbash rviz xvfb
 )
+read -r -a more_packages <<<"${MORE_PACKAGES:-}"
+packages+=("${more_packages[@]}")
 
 as_root() {
   if [ "$(id -u)" -eq 0 ]; then
