@@ -32,6 +32,7 @@ from vi_ekf_slam.recordings.recording import (Features, Imu, InitialState, Recor
 
 KEYS = ("imu_t", "imu_gyro", "imu_accel", "cam_t", "frame_ptr", "uv")  # by which the format is known
 SIGMA_STEPS = 64.0  # of sigma_q in a pixel
+WEIGHTS = np.array([2.0, 1.0, 2.0, 1.0]) / 6.0  # of the variances of uL, vL, uR and vR
 QUATERNION_TOLERANCE = 1e-3
 
 
@@ -127,8 +128,9 @@ def _features(npz, stamps):
     checks.require_within(pixels, MAX_PIXEL, "%s: uv" % npz.path, "px")
     if len(sigmas) and sigmas.min() <= 0.0:
         raise InputError("%s: sigma_q holds %g, allowed: above 0" % (npz.path, sigmas.min()))
-    # One number a point: the root of the coordinates' mean variance.
-    sigma = np.sqrt(np.mean(sigmas**2, axis=1)) / SIGMA_STEPS
+    # One number a point: the root of the mean variance of what the filter measures of it, uL, uR and the mean of vL and vR,
+    # whose variance it takes for half of that number's square.
+    sigma = np.sqrt(sigmas**2 @ WEIGHTS) / SIGMA_STEPS
     return Features(stamps, starts.astype(np.int64), ids.astype(np.int64), pixels, sigma)
 
 

@@ -76,10 +76,10 @@ def test_every_sample_and_point_is_in_the_bag_at_its_stamp(converted):
         assert [[f.u_left, f.v_left, f.u_right, f.v_right] for f in m.features] == [list(arrays["uv"][row]) for row in rows]
 
 
-def test_a_features_sigma_is_the_root_mean_square_of_its_coordinates(converted):
-    sigmas = np.array([[64, 64, 64, 64]] * 7 + [[64, 128, 64, 128]], dtype=np.uint8)
+def test_a_features_sigma_is_that_of_both_columns_and_the_mean_row(converted):
+    sigmas = np.array([[64, 64, 64, 64]] * 6 + [[64, 128, 64, 128], [128, 64, 64, 64]], dtype=np.uint8)
     last = converted(inertial_drive(sigma_q=sigmas))["/features"][-1][1].features
-    assert [f.sigma for f in last] == pytest.approx([1.0, 1.0, 1.0, np.sqrt(2.5)])
+    assert [f.sigma for f in last] == pytest.approx([1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0)])
 
 
 def test_pixels_beyond_the_borders_stay_what_they_are_in_a_larger_picture(converted):
