@@ -76,7 +76,10 @@ void InvariantEstimator::setRig(const StereoRig& rig) {
     motion_->setOpticalBody();
     begin(motion_->startPose(), startCovariance());
   }
-  model_.emplace(rig, config_.stereo, RigVariables(filter_.variables()));
+  StereoModel::Options stereo = config_.stereo;
+  // Where an IMU tells distances as well, noisy points take nothing away from them.
+  stereo.unbiased_starts = stereo.unbiased_starts && !motion_->knowsGravity();
+  model_.emplace(rig, stereo, RigVariables(filter_.variables()));
 }
 
 // Gyro and velocity: motion -> health.

@@ -206,5 +206,26 @@ TEST(InvariantEstimator, StaysSoundThroughAGap) {
   EXPECT_LT(distance(estimator.state().twist, road.twist()), 0.5);
 }
 
+/// 1 / depth by the disparity, of a landmark that was seen once.
+double startOfLandmark(MotionChoice motion, double disparity) {
+  InvariantConfig config;
+  config.choice = motion;
+  InvariantEstimator estimator(config);
+  estimator.setRig(exampleRig());
+  StereoFrame frame;
+  frame.stamp = 1;
+  const StereoCamera& camera = exampleRig().camera;
+  frame.features.push_back({7, StereoPixels(camera.cu, camera.cv, camera.cu - disparity, camera.cv), 1.0});
+  EXPECT_EQ(estimator.process(frame).landmarks, 1u);
+  const Eigen::Vector3d point = estimator.landmarks().at(0).position;
+  const SE3 cam_T_world = exampleRig().cam_T_imu * estimator.state().world_T_imu.inverse();
+  return camera.fu * camera.baseline / (cam_T_world * point).z();
+}
+
+TEST(InvariantEstimator, StartsLandmarksWithoutBiasWhereThePairAloneTellsDistances) {
+  EXPECT_NEAR(startOfLandmark(MotionChoice::kInertial, 10.0), 10.0, 1e-9);
+  EXPECT_NEAR(startOfLandmark(MotionChoice::kConstantTwist, 10.0), 10.0 - 2.0 / 10.0, 1e-9);
+}
+
 } // namespace
 } // namespace vi_ekf_slam
