@@ -30,7 +30,8 @@ Drive twoLaps(std::uint64_t seed, bool by_looks = false) {
   options.ids_return = !by_looks;
   options.descriptors = by_looks;
   options.strength_spread = 3.0;
-  if (!by_looks) options.features_max = 75; // a closure costs their cube
+  // A closure costs their cube; by looks alone so few are not found on every lap.
+  if (!by_looks) options.features_max = 75;
   Drive laps = simulateDrive(options);
   StaleRepair stale;
   for (DriveStep& step : laps.steps) stale.repair(step);

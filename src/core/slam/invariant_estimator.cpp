@@ -38,6 +38,7 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_),
       closures_(config.recognise_places, config.closure_operations) {
+  if (motion_->knowsGravity()) config_.stereo.unbiased_starts = false; // an IMU tells distances as well
   begin(motion_->startPose(), startCovariance());
 }
 
@@ -76,10 +77,7 @@ void InvariantEstimator::setRig(const StereoRig& rig) {
     motion_->setOpticalBody();
     begin(motion_->startPose(), startCovariance());
   }
-  StereoModel::Options stereo = config_.stereo;
-  // Where an IMU tells distances as well, noisy points take nothing away from them.
-  stereo.unbiased_starts = stereo.unbiased_starts && !motion_->knowsGravity();
-  model_.emplace(rig, stereo, RigVariables(filter_.variables()));
+  model_.emplace(rig, config_.stereo, RigVariables(filter_.variables()));
 }
 
 // Gyro and velocity: motion -> health.
