@@ -9,7 +9,9 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kFarOutside = -1e6; // px
-constexpr double kMaxTangent = 10.0; // 84 deg from the axis; beyond it a rectified image has no pixels
+// 76 deg from the axis. There a pixel's error is 10 to 20 times as large in a plane, with bounds to neither
+// side.
+constexpr double kMaxTangent = 2.0;
 // Newton's and the fixed-point iterations of OpenCV, to a thousandth of a pixel's noise.
 const cv::TermCriteria kUndistort(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 1e-6);
 
@@ -32,6 +34,7 @@ CameraModel::CameraModel(const Parameters& parameters) : parameters_(parameters)
   if (!cv::checkRange(p.K) || !cv::checkRange(p.R) || !cv::checkRange(p.P) || !cv::checkRange(p.D))
     fail("D, K, R or P is not finite");
   if (!(p.P(0, 0) > 0.0 && p.P(1, 1) > 0.0)) fail("focal lengths in P must be positive");
+  raw_from_pixel_ = p.R.t() * p.P.inv();
   if (p.images_are_rectified) return;
   if (!(p.K(0, 0) > 0.0 && p.K(1, 1) > 0.0)) fail("focal lengths in K must be positive");
   if (!isClose(p.R * p.R.t(), cv::Matx33d::eye(), 1e-3) || cv::determinant(p.R) < 0.0)
@@ -47,15 +50,13 @@ CameraModel::CameraModel(const Parameters& parameters) : parameters_(parameters)
 void CameraModel::setFieldOfView() {
   const float w = static_cast<float>(parameters_.size.width), h = static_cast<float>(parameters_.size.height);
   max_tangent_ = kMaxTangent;
-  std::vector<cv::Point2d> corners;
+  double farthest = 0.0;
   for (const cv::Point2d& q : rectify({{0, 0}, {w, 0}, {0, h}, {w, h}})) {
-    const cv::Vec3d ray = parameters_.R.t() * (parameters_.P.inv() * cv::Vec3d(q.x, q.y, 1.0));
-    const bool is_seen = q.x > kFarOutside && q.y > kFarOutside && ray[2] > 0.0;
-    if (is_seen) corners.emplace_back(ray[0] / ray[2], ray[1] / ray[2]);
+    if (!shows(q)) return; // a fisheye's corner
+    const cv::Vec3d ray = raw_from_pixel_ * cv::Vec3d(q.x, q.y, 1.0);
+    farthest = std::max(farthest, 1.05 * std::hypot(ray[0], ray[1]) / ray[2]);
   }
-  if (corners.size() < 4) return; // a fisheye's corners, which no ray ahead meets
-  max_tangent_ = 0.0;
-  for (const auto& corner : corners) max_tangent_ = std::max(max_tangent_, 1.05 * cv::norm(corner));
+  max_tangent_ = std::min(farthest, kMaxTangent);
 }
 
 std::vector<cv::Point2d> CameraModel::rectify(const std::vector<cv::Point2f>& pixels) const {
@@ -68,10 +69,11 @@ std::vector<cv::Point2d> CameraModel::rectify(const std::vector<cv::Point2f>& pi
     cv::undistortPoints(raw, rectified, parameters_.K, parameters_.D, parameters_.R, parameters_.P,
                         kUndistort);
   }
-  for (auto& q : rectified) {
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    cv::Point2d& q = rectified[i];
     const bool is_sane = std::isfinite(q.x) && std::isfinite(q.y) && std::abs(q.x) < -kFarOutside &&
                          std::abs(q.y) < -kFarOutside;
-    if (!is_sane) q = {kFarOutside, kFarOutside};
+    if (!is_sane || isBeyondPlane(raw[i])) q = {kFarOutside, kFarOutside};
   }
   return rectified;
 }
@@ -82,12 +84,11 @@ std::vector<cv::Point2f> CameraModel::unrectify(const std::vector<cv::Point2d>& 
     pixels.assign(rectified.begin(), rectified.end());
     return pixels;
   }
-  const cv::Matx33d raw_from_pixel = parameters_.R.t() * parameters_.P.inv();
   std::vector<cv::Point3d> rays;
   std::vector<bool> is_seen;
   for (const auto& q : rectified) {
-    const cv::Vec3d ray = raw_from_pixel * cv::Vec3d(q.x, q.y, 1.0);
-    const bool seen = ray[2] > 0.0 && std::hypot(ray[0], ray[1]) <= max_tangent_ * ray[2];
+    const bool seen = shows(q);
+    const cv::Vec3d ray = raw_from_pixel_ * cv::Vec3d(q.x, q.y, 1.0);
     rays.emplace_back(seen ? ray[0] / ray[2] : 0.0, seen ? ray[1] / ray[2] : 0.0, 1.0);
     is_seen.push_back(seen);
   }
@@ -105,9 +106,40 @@ std::vector<cv::Point2f> CameraModel::unrectify(const std::vector<cv::Point2d>& 
   return pixels;
 }
 
-bool CameraModel::contains(const cv::Point2d& pixel, double border) const {
-  return pixel.x >= border && pixel.y >= border && pixel.x <= parameters_.size.width - 1 - border &&
-         pixel.y <= parameters_.size.height - 1 - border;
+/// OpenCV mirrors what a fisheye sees behind the plane.
+bool CameraModel::isBeyondPlane(const cv::Point2d& raw) const {
+  const auto& [size, distortion, D, K, R, P, images_are_rectified] = parameters_;
+  if (distortion != Distortion::kEquidistant) return false;
+  const double theta = std::atan(1.1 * kMaxTangent), t = theta * theta;
+  const double bent = theta * (1.0 + t * (D[0] + t * (D[1] + t * (D[2] + t * D[3]))));
+  return std::hypot((raw.x - K(0, 2)) / K(0, 0), (raw.y - K(1, 2)) / K(1, 1)) > bent;
+}
+
+std::vector<double> CameraModel::magnifications(const std::vector<cv::Point2f>& pixels) const {
+  const std::size_t n = pixels.size();
+  if (parameters_.images_are_rectified) return std::vector<double>(n, 1.0);
+  std::vector<cv::Point2f> around; // half a pixel to each side
+  for (const cv::Point2f& step : {cv::Point2f(-0.5f, 0.0f), {0.5f, 0.0f}, {0.0f, -0.5f}, {0.0f, 0.5f}}) {
+    for (const cv::Point2f& pixel : pixels) around.push_back(pixel + step);
+  }
+  const auto rectified = rectify(around);
+  std::vector<double> magnifications;
+  for (std::size_t i = 0; i < n; ++i) {
+    const cv::Point2d u = rectified[n + i] - rectified[i], v = rectified[3 * n + i] - rectified[2 * n + i];
+    magnifications.push_back(std::sqrt(0.5 * (u.dot(u) + v.dot(v))));
+  }
+  return magnifications;
+}
+
+bool CameraModel::contains(const cv::Point2d& pixel) const {
+  return pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= parameters_.size.width - 1 &&
+         pixel.y <= parameters_.size.height - 1;
+}
+
+bool CameraModel::shows(const cv::Point2d& rectified) const {
+  if (parameters_.images_are_rectified) return contains(rectified);
+  const cv::Vec3d ray = raw_from_pixel_ * cv::Vec3d(rectified.x, rectified.y, 1.0);
+  return ray[2] > 0.0 && std::hypot(ray[0], ray[1]) <= max_tangent_ * ray[2];
 }
 
 bool isRectified(const CameraModel::Parameters& p) {

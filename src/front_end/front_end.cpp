@@ -148,12 +148,9 @@ void FrontEnd::follow(const Picture& left, Stamp stamp) {
   i = 0;
   removeTracks(before, [&](const Track&) { return !flow.found[i++]; });
   refine(left);
-  points.clear();
-  for (const Track& track : tracks_) points.push_back(track.left);
-  const auto rectified = calibration_.left.rectify(points);
-  for (i = 0; i < tracks_.size(); ++i) tracks_[i].left_rectified = rectified[i];
+  rectify(tracks_);
   const auto is_outside = [this](const Track& track) {
-    return !calibration_.left.contains(track.left_rectified);
+    return !calibration_.left.shows(track.left_rectified);
   };
   i = 0;
   removeTracks(before, [&](const Track&) { return is_outside(tracks_[i++]); });
@@ -170,6 +167,18 @@ void FrontEnd::follow(const Picture& left, Stamp stamp) {
     return is_double;
   });
   report_.followed = tracks_.size();
+}
+
+/// Where the tracks are in the rectified picture.
+void FrontEnd::rectify(std::vector<Track>& tracks) const {
+  std::vector<cv::Point2f> points;
+  for (const Track& track : tracks) points.push_back(track.left);
+  const auto rectified = calibration_.left.rectify(points);
+  const auto magnifications = calibration_.left.magnifications(points);
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    tracks[i].left_rectified = rectified[i];
+    tracks[i].magnification = magnifications[i];
+  }
 }
 
 void FrontEnd::learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp) {
@@ -218,18 +227,19 @@ void FrontEnd::rejectOutliers(std::vector<Track>& before) {
 void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
   std::vector<cv::Point2f> occupied;
   for (const Track& track : tracks_) occupied.push_back(track.left);
-  const auto corners = detector_.detect(left.image, occupied);
-  const auto rectified = calibration_.left.rectify(corners);
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    if (!calibration_.left.contains(rectified[i])) {
-      detector_.noteFailure(corners[i]);
+  std::vector<Track> begun;
+  for (const cv::Point2f& corner : detector_.detect(left.image, occupied)) {
+    begun.emplace_back();
+    begun.back().left = corner;
+    begun.back().begin = stamp;
+  }
+  rectify(begun);
+  for (Track& track : begun) {
+    if (!calibration_.left.shows(track.left_rectified)) {
+      detector_.noteFailure(track.left);
       continue;
     }
-    Track track;
-    track.anchor = AnchorPatch::cut(left.image, corners[i]);
-    track.begin = stamp;
-    track.left = corners[i];
-    track.left_rectified = rectified[i];
+    track.anchor = AnchorPatch::cut(left.image, track.left);
     tracks_.push_back(track);
   }
   report_.without_texture = tracks_.size() < std::min(kLittleTexture, options_.features);
@@ -237,7 +247,8 @@ void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
 
 void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
   std::vector<StereoQuery> queries;
-  for (const Track& track : tracks_) queries.push_back({track.left, track.left_rectified, track.disparity});
+  for (const Track& track : tracks_)
+    queries.push_back({track.left, track.left_rectified, track.magnification, track.disparity});
   const auto matches = matcher_.match(left, right, queries);
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     Track& track = tracks_[i];
@@ -248,7 +259,8 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
     track.right = matches[i].right;
     track.right_rectified = matches[i].right_rectified;
     track.disparity = track.left_rectified.x - track.right_rectified.x;
-    const double row = track.left_rectified.y - track.right_rectified.y; // of twice the variance
+    // Of twice the variance.
+    const double row = (track.left_rectified.y - track.right_rectified.y) / track.magnification;
     const double forget = track.weight < kMaxWeight ? 1.0 : (kMaxWeight - 1.0) / kMaxWeight;
     track.square_sum = forget * track.square_sum + 0.5 * row * row;
     track.weight = forget * track.weight + 1.0;
@@ -284,9 +296,10 @@ StereoFrame FrontEnd::features(const Picture& left, Stamp stamp) const {
         kLifeSigma * kLifeSigma +
         (kPriorWeight * kPriorSigma * kPriorSigma + track.square_sum) / (kPriorWeight + track.weight);
     // As a message holds them.
-    const float sigma = static_cast<float>(std::sqrt(variance));
-    const float walk = static_cast<float>(
-        kTrackWalk * std::min(1.0, cv::norm(track.left - track.left_before) / kWalkingFlow));
+    const float sigma = static_cast<float>(track.magnification * std::sqrt(variance));
+    const float walk =
+        static_cast<float>(track.magnification * kTrackWalk *
+                           std::min(1.0, cv::norm(track.left - track.left_before) / kWalkingFlow));
     frame.features.push_back(
         {track.id,
          {track.left_rectified.x, track.left_rectified.y, track.right_rectified.x, track.right_rectified.y},

@@ -16,7 +16,7 @@ constexpr float kMinWindowContrast = 1.0f;                  // grey levels, RMS
 constexpr int kCurveStep = 8; // steps of the search between two points of the exact curve
 constexpr float kMinCorrelation = 0.7f;
 constexpr double kNearest = 0.25;           // of the image's width, the largest disparity
-constexpr double kMaxRowError = 1.5;        // px after rectification
+constexpr double kMaxRowError = 1.5;        // px
 constexpr float kMaxStereoRoundTrip = 0.5f; // px
 constexpr double kMinDisparity = -1.0;      // px; a point at infinity has 0, with noise
 
@@ -56,10 +56,11 @@ std::vector<std::optional<double>> StereoMatcher::search(const Picture& left, co
   Window here, there;
   for (std::size_t i = 0; i < queries.size(); ++i) {
     if (!cut(left_level, queries[i].left, here)) continue;
+    const double step = sign * kScale * queries[i].magnification;
     // Straight between points so near to each other.
     std::vector<cv::Point2d> curve;
     for (int k = 0; k <= steps + kCurveStep; k += kCurveStep)
-      curve.push_back(queries[i].left_rectified - cv::Point2d(sign * k * kScale, 0.0));
+      curve.push_back(queries[i].left_rectified - cv::Point2d(k * step, 0.0));
     const auto pixels = calibration_.right.unrectify(curve);
     float best = kMinCorrelation;
     for (int k = 0; k <= steps; ++k) {
@@ -70,7 +71,7 @@ std::vector<std::optional<double>> StereoMatcher::search(const Picture& left, co
       const float correlation = here.dot(there);
       if (correlation <= best) continue;
       best = correlation;
-      found[i] = sign * k * kScale;
+      found[i] = k * step;
     }
   }
   return found;
@@ -105,9 +106,10 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
     match.right_rectified = rectified[k];
     match.round_trip = static_cast<double>(flow.round_trip[k]);
     const double disparity = at.x - rectified[k].x;
-    match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError &&
-                  disparity >= kMinDisparity && disparity <= max_disparity_ + kScale &&
-                  calibration_.right.contains(rectified[k]);
+    const double wide = queries[of[k]].magnification;
+    match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError * wide &&
+                  disparity >= kMinDisparity * wide && disparity <= (max_disparity_ + kScale) * wide &&
+                  calibration_.right.shows(rectified[k]);
   }
   return matches;
 }
@@ -115,8 +117,9 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
 bool StereoMatcher::lookExchanged(const Picture& left, const Picture& right,
                                   const std::vector<StereoQuery>& queries) const {
   const auto backward = search(left, right, queries, -1.0);
-  const auto is_exchanged = [](const std::optional<double>& d) { return d && *d <= -kScale; };
-  const auto count = static_cast<std::size_t>(std::count_if(backward.begin(), backward.end(), is_exchanged));
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < queries.size(); ++i)
+    count += backward[i] && *backward[i] <= -kScale * queries[i].magnification ? 1 : 0;
   return 2 * count > queries.size();
 }
 

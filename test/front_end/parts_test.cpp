@@ -45,6 +45,40 @@ TEST(CameraModel, points_that_the_lens_does_not_show_come_out_far_outside) {
   }
 }
 
+/// Of a fisheye that sees 97 deg to its sides.
+CameraModel wideFisheye() {
+  CameraModel::Parameters p;
+  p.size = {512, 512};
+  p.distortion = Distortion::kEquidistant;
+  p.D = {0.0, 0.0, 0.0, 0.0};
+  p.K = p.P = {150.0, 0.0, 255.5, 0.0, 150.0, 255.5, 0.0, 0.0, 1.0};
+  return CameraModel(p);
+}
+
+TEST(CameraModel, a_fisheye_shows_what_a_plane_can_hold_beyond_the_pictures_borders_too) {
+  const CameraModel model = wideFisheye();
+  const auto at = [&model](double angle) { // rad from the axis
+    return model.rectify({{static_cast<float>(255.5 + 150.0 * angle), 255.5f}}).front();
+  };
+  EXPECT_NEAR(255.5 + 150.0 * std::tan(1.1), at(1.1).x, 1e-3);
+  EXPECT_FALSE(model.contains(at(1.1)));
+  EXPECT_TRUE(model.shows(at(1.1)));
+  for (const double angle : {1.2, 1.5, 1.57, 1.6, 1.7}) EXPECT_FALSE(model.shows(at(angle))) << angle;
+  EXPECT_FALSE(testCalibration().left.shows({-1.0, 100.0})); // rectified pictures end where they end
+}
+
+TEST(CameraModel, a_pixel_of_a_fisheye_is_as_wide_as_the_tangent_stretches_it) {
+  const CameraModel model = wideFisheye();
+  EXPECT_NEAR(1.0, model.magnifications({{255.5f, 255.5f}}).front(), 1e-3);
+  const double angle = 1.0; // rad; d tan(a)/da outwards, tan(a)/a across
+  const double expected =
+      std::sqrt(0.5 * (std::pow(std::cos(angle), -4) + std::pow(std::tan(angle) / angle, 2)));
+  for (const cv::Point2f& pixel : {cv::Point2f(405.5f, 255.5f), {255.5f, 105.5f}})
+    EXPECT_NEAR(expected, model.magnifications({pixel}).front(), 1e-3);
+  EXPECT_EQ(std::vector<double>({1.0, 1.0}),
+            testCalibration().left.magnifications({{1.0f, 2.0f}, {100.0f, 200.0f}}));
+}
+
 TEST(CameraModel, says_what_is_rectified_already) {
   EXPECT_FALSE(isRectified(distortedCalibration(Distortion::kPolynomial).left.parameters()));
   CameraModel::Parameters p;

@@ -47,6 +47,23 @@ class Rig : public testing::Test {
   RigAssembler rig_{frames_, "/left", "/right"};
 };
 
+TEST_F(Rig, knows_no_borders_where_a_lens_shows_more_than_the_rectified_picture) {
+  auto left = info(false), right = info(true);
+  left.width = right.width = 640;
+  left.height = right.height = 480;
+  left.D = right.D = std::vector<double>(5, 0.0);
+  addAll(left, right);
+  ASSERT_TRUE(rig_.imageSize());
+  EXPECT_EQ(640.0, rig_.imageSize()->width);
+  RigAssembler raw{frames_, "/left", "/right"};
+  raw.setImuFrame("imu_link");
+  right.D[0] = -0.2;
+  raw.addLeft(left);
+  raw.addRight(right);
+  ASSERT_TRUE(raw.rig());
+  EXPECT_FALSE(raw.imageSize());
+}
+
 TEST_F(Rig, names_numbers_that_no_rig_has) {
   for (const double focal_length : {5e-324, 1e-3, 1e308}) {
     auto left = info(false), right = info(true);

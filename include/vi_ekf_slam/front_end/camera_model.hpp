@@ -25,25 +25,33 @@ class CameraModel {
   /// Throws std::invalid_argument, which names the value and what is allowed.
   explicit CameraModel(const Parameters& parameters);
 
-  /// Pixels of the images that come -> pixels of the rectified image. A point that no pixel of the rectified
-  /// image shows comes out far outside of it.
+  /// Pixels of the images that come -> rectified pixels, which of a raw image can lie beyond the rectified
+  /// one's borders. A point too far from the axis for a plane comes out far away.
   std::vector<cv::Point2d> rectify(const std::vector<cv::Point2f>& pixels) const;
   /// The way back. A point behind the camera, or beyond the field in which the distortion is one to one,
   /// comes out far outside.
   std::vector<cv::Point2f> unrectify(const std::vector<cv::Point2d>& rectified) const;
 
+  /// How many pixels of the rectified image a pixel of the images that come is wide there, RMS over its two
+  /// sides: what turns an error of the one into an error of the other.
+  std::vector<double> magnifications(const std::vector<cv::Point2f>& pixels) const;
+
   cv::Size size() const { return parameters_.size; }
   bool imagesAreRectified() const { return parameters_.images_are_rectified; }
   const Parameters& parameters() const { return parameters_; }
 
-  /// Whether a pixel lies in the image, `border` px within.
-  bool contains(const cv::Point2d& pixel, double border = 0.0) const;
+  /// Whether a pixel lies in an image of this size.
+  bool contains(const cv::Point2d& pixel) const;
+  /// Whether the images that come can show what has this rectified pixel.
+  bool shows(const cv::Point2d& rectified) const;
 
  private:
   void setFieldOfView();
+  bool isBeyondPlane(const cv::Point2d& raw) const;
 
   Parameters parameters_;
-  double max_tangent_ = 0.0; ///< of the angle from the axis, at the raw image's farthest corner
+  cv::Matx33d raw_from_pixel_; ///< direction in the raw camera's axes of a rectified pixel
+  double max_tangent_ = 0.0;   ///< of the angle from the raw image's axis, at its farthest corner
 };
 
 /// Whether a CameraInfo's D, R, K and P say that nothing is left to rectify.

@@ -30,6 +30,7 @@ struct Track {
   cv::Point2f left;                ///< px, in the image that came
   cv::Point2f left_before;         ///< px, in the image of the pair before
   cv::Point2d left_rectified;      ///< px
+  double magnification = 1.0;      ///< rectified px for one px of the image that came
   cv::Point2f right;               ///< px, in the image that came; valid where matched
   cv::Point2d right_rectified;     ///< px
   std::optional<double> disparity; ///< px, of the last match
@@ -38,7 +39,7 @@ struct Track {
   std::optional<AnchorPatch>
       anchor; ///< what it looked like in the left image when it began, or since its looks changed
   Eigen::Matrix2f shape = Eigen::Matrix2f::Identity(); ///< of the anchor in the last left image
-  double square_sum = 0.0, weight = 0.0;               ///< px^2 and count, of its row residuals
+  double square_sum = 0.0, weight = 0.0; ///< px^2 of the image that came and count, of its row residuals
 };
 
 /// What the front end did with one pair.
@@ -96,6 +97,7 @@ class FrontEnd {
   std::vector<cv::Point2f> predict(const SE3& now_T_before) const;
   void learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp);
   void follow(const Picture& left, Stamp stamp);
+  void rectify(std::vector<Track>& tracks) const;
   void refine(const Picture& left);
   void rejectOutliers(std::vector<Track>& before);
   void beginTracks(const Picture& left, Stamp stamp);

@@ -12,6 +12,7 @@ namespace vi_ekf_slam {
 struct StereoQuery {
   cv::Point2f left;                ///< px in the image that came
   cv::Point2d left_rectified;      ///< px
+  double magnification;            ///< rectified px for one px of the image that came
   std::optional<double> disparity; ///< px, of the frame before; nothing: looked for over the whole range
 };
 
@@ -42,7 +43,7 @@ class StereoMatcher {
                                             const std::vector<StereoQuery>& queries, double sign) const;
 
   const StereoCalibration& calibration_;
-  double max_disparity_; ///< px
+  double max_disparity_; ///< px of the images that come
 };
 
 } // namespace vi_ekf_slam

@@ -121,6 +121,11 @@ void RigAssembler::addRight(const sensor_msgs::CameraInfo& info) {
 std::optional<ImageSize> RigAssembler::imageSize() const {
   if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
   if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
+  const auto isRaw = [](const sensor_msgs::CameraInfo& info) {
+    return std::any_of(info.D.begin(), info.D.end(), [](double d) { return d != 0.0; });
+  };
+  if (isRaw(*left_) || isRaw(*right_))
+    return std::nullopt; // which sees beyond the borders of the rectified one
   return ImageSize{static_cast<double>(left_->width), static_cast<double>(left_->height)};
 }
 

@@ -37,6 +37,11 @@ class Camera:
         undistort = cv2.fisheye.undistortPoints if self.fisheye else cv2.undistortPoints
         return undistort(points, self.K, self.D, R=self.R, P=self.P).reshape(-1, 2)
 
+    def magnifications(self, pixels):
+        """(N,): how many px of the rectified picture one of the picture as it is is wide there, RMS over its two sides."""
+        sides = [self.rectify(pixels + step) - self.rectify(pixels - step) for step in 0.5 * np.eye(2)]
+        return np.sqrt(0.5 * np.sum(np.square(sides), axis=(0, 2)))
+
 
 def check_calibration(rig, report):
     """camera_info by itself: P of both sides, baseline, picture's size."""

@@ -38,7 +38,8 @@ def _judge_features(rig, report):
     pixels = np.concatenate(pixels)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     width, height = rig.cameras[0].size
-    outside = ((pixels[:, :2] < -0.5) | (pixels[:, :2] > [width, height])).any(axis=1).mean() if width and height else 0.0
+    known = width and height and not rig.cameras[0].D.any()  # a lens that distorts shows more than the rectified picture
+    outside = ((pixels[:, :2] < -0.5) | (pixels[:, :2] > [width, height])).any(axis=1).mean() if known else 0.0
     if outside > OUTSIDE:
         report.red("features lie outside of the picture that camera_info describes", "%.0f %% outside of %d x %d px" % (
             100.0 * outside, width, height), "%.0f %%" % (100.0 * OUTSIDE), "is camera_info that of another resolution?")
@@ -92,9 +93,12 @@ class _Reading:
         self.rectified, self.exchanged = rectified, exchanged
         parts = (found[:, :2], found[:, 2:])
         left, right = parts[::-1] if exchanged else parts
+        widths = np.ones(len(left))
         if not rectified:
+            widths = cameras[0].magnifications(left)
             left, right = cameras[0].rectify(left), cameras[1].rectify(right)
-        self.v, self.rows, self.disparity = left[:, 1], left[:, 1] - right[:, 1], left[:, 0] - right[:, 0]
+        # In px of the picture as it is, in which the front end judges them too.
+        self.v, self.rows, self.disparity = left[:, 1], (left[:, 1] - right[:, 1]) / widths, (left[:, 0] - right[:, 0]) / widths
         self.error = float(np.median(np.abs(self.rows)))
         self.behind = _share_behind(self.disparity)
 

@@ -106,8 +106,8 @@ def help_of(name):
     """What a program of the package prints for --help."""
     if name.endswith(".py"):
         start = ["/usr/bin/python3", script_path(name)]
-        texts = [start + ["--help"]] + ([start + [kind, "--help"] for kind in ("run", "maps", "monte_carlo")]
-                                        if name == "plot.py" else [])
+        kinds = {"plot.py": ("run", "maps", "monte_carlo"), "simulate_dataset.py": ("--images",)}
+        texts = [start + ["--help"]] + [start + [kind, "--help"] for kind in kinds.get(name, ())]
     else:
         texts = [[program(name), "--help"]]
     return "".join(subprocess.run(text, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,

@@ -249,6 +249,17 @@ def test_other_folders_are_refused(tmp_path, capfd):
     assert "has no folder cam1" in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("focal_length", [285.0, 190.0, 150.0])  # sees 51, 77 and 98 deg to the sides
+def test_a_fisheye_keeps_its_focal_length(focal_length):
+    """However much it sees: OpenCV would have a plane hold all of it, with 58 px of 190 px, and 4 px of 150 px."""
+    K = np.array([[focal_length, 0, 250], [0, focal_length, 260], [0, 0, 1]])
+    left, right = (RawCamera((512, 512), K, "equidistant", np.array([0.0035, 0.0007, -0.002, 0.0002]),
+                             make_transform(so3_exp([0.0, 0.0, turn]), [x, 0, 0])) for x, turn in ((0, 0), (0.1, 0.01)))
+    left, right = rectify(left, right, "here")
+    assert left.projection[0] == pytest.approx([focal_length, 0, 255.5, 0]) and left.projection[1, 1] == pytest.approx(focal_length)
+    assert right.projection == pytest.approx(left.projection - [[0, 0, 0, 0.1 * focal_length], [0] * 4, [0] * 4])
+
+
 def test_cameras_in_the_wrong_order_are_refused():
     K = np.array([[50.0, 0, 32], [0, 50, 24], [0, 0, 1]])
     left, right = (RawCamera((64, 48), K, "plumb_bob", np.zeros(5), make_transform(np.eye(3), [x, 0, 0])) for x in (0, 0.1))

@@ -43,7 +43,7 @@ class RigAssembler {
   const std::string& problem() const { return problem_; }
   /// Left optical frame; empty as long as there is no left CameraInfo.
   const std::string& leftFrame() const { return left_frame_; }
-  /// Of the images, where both CameraInfo state the same one.
+  /// Of the images, where both CameraInfo state the same one, and no lens that shows more than it.
   std::optional<ImageSize> imageSize() const;
   /// Whether a CameraInfo that came later contradicts the calibration in use.
   bool changedLater() const { return changed_later_; }

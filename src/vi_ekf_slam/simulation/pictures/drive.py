@@ -10,7 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_quaternion
+from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_quaternion, so3_exp
 from vi_ekf_slam.recordings.imu_noise import KEYS, ImuNoise
 from vi_ekf_slam.recordings.kitti import BODY_R_OPTICAL
 from vi_ekf_slam.simulation.pictures.motion import MOTIONS, felt, velocity
@@ -19,7 +19,7 @@ START = 1600000000 * 10**9  # ns
 NOISE = ImuNoise(1.7e-4, 2e-5, 2e-3, 3e-3, 200.0)  # an ordinary MEMS IMU
 BIAS_SIGMAS = (0.003, 0.03)  # rad/s, m/s^2: of gyro and accelerometer at the start
 FRAME_DELAY = 2100000  # ns; a camera's clock does not tick with the IMU's
-SIZE, FOCAL_LENGTH = (640, 400), 400.0  # px
+LENSES = ("pinhole", "radtan", "fisheye")
 BASELINES = {"street": 0.3, "room": 0.11}  # m
 CAMERA_IN_IMU = np.array([0.15, 0.0, 0.05])  # m, the middle of the pair
 JPEG_QUALITY = 95
@@ -35,6 +35,9 @@ def make_parser():
     parser.add_argument("--images", action="store_true", help="this: a drive with pictures")
     parser.add_argument("--scene", choices=sorted(MOTIONS), default="street",
                         help="a car in a street, or a rig in a hand in a room (default: %(default)s)")
+    parser.add_argument("--lens", choices=LENSES, default=LENSES[0],
+                        help="pinhole: pictures that are rectified; radtan: a lens as EuRoC's, and fisheye: as TUM-VI's, which "
+                             "sees 195 deg, both with a right camera that is turned by 0.6 deg (default: %(default)s)")
     parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="s (default: %(default)g)")
     parser.add_argument("--laps", type=float, default=2.0, help="times round (default: %(default)g)")
     parser.add_argument("--frame-rate", type=float, default=10.0, metavar="HZ",
@@ -91,25 +94,30 @@ def write_drive(folder, options):
     """
     random = np.random.default_rng(options.seed)
     motion = MOTIONS[options.scene](options.laps, options.duration)
-    intrinsics = np.array([[FOCAL_LENGTH, 0, 0.5 * (SIZE[0] - 1)], [0, FOCAL_LENGTH, 0.5 * (SIZE[1] - 1)], [0, 0, 1.0]])
-    cameras = [make_transform(BODY_R_OPTICAL, CAMERA_IN_IMU + [0, side * 0.5 * BASELINES[options.scene], 0])
-               for side in (1.0, -1.0)]
+    lens = _make_lens(options.lens)
+    cameras = [make_transform(BODY_R_OPTICAL @ so3_exp(turned), CAMERA_IN_IMU + [0, side * 0.5 * BASELINES[options.scene], 0])
+               for side, turned in ((1.0, np.zeros(3)), (-1.0, lens.right_turned))]
     base = os.path.join(folder, "mav0")
     _write_imu(base, motion, options, random)
     count = int((options.duration - 1e-9 * FRAME_DELAY) * options.frame_rate)
     stamps = START + FRAME_DELAY + np.rint(1e9 * np.arange(count) / options.frame_rate).astype(np.int64)
     for name, imu_T_cam in zip(("cam0", "cam1"), cameras):
         os.makedirs(os.path.join(base, name, "data"))
-        _write(base, name, "sensor.yaml", _camera_yaml(imu_T_cam, intrinsics, options.frame_rate))
+        _write(base, name, "sensor.yaml", _camera_yaml(imu_T_cam, lens, options.frame_rate))
         _write(base, name, "data.csv", "#timestamp [ns],filename\n" + "".join("%d,%d.jpg\n" % (s, s) for s in stamps))
     _write_truth(base, motion, stamps)
-    return _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random), motion, cameras[0]
+    return _draw_pictures(base, motion, stamps, cameras, lens, options, random), motion, cameras[0]
 
 
-def _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random):
+def _make_lens(name):
+    from vi_ekf_slam.simulation.pictures import lens
+    return {"pinhole": lens.Pinhole, "radtan": lens.Radtan, "fisheye": lens.Fisheye}[name]()
+
+
+def _draw_pictures(base, motion, stamps, cameras, lens, options, random):
     import cv2
 
-    from vi_ekf_slam.simulation.pictures.scene import SCENES, Car, draw
+    from vi_ekf_slam.simulation.pictures.scene import SCENES, Car
     scene = SCENES[options.scene](random)
     cars = [Car(random.uniform(0.3, 6.0), random.choice([-0.25, 0.12]), -3.5 + 7.0 * (k % 2), random)
             for k in range(options.cars)]
@@ -118,8 +126,8 @@ def _draw_pictures(base, motion, stamps, cameras, intrinsics, options, random):
         t = (stamp - START) * 1e-9
         gain = 1.0 + options.exposure_drift * np.sin(0.7 * t)
         for name, imu_T_cam in zip(("cam0", "cam1"), cameras):
-            image = np.mean([draw(scene + [face for car in cars for face in car.at(t + d)],
-                                  inverse(motion.pose(t + d) @ imu_T_cam), intrinsics, SIZE) for d in moments], axis=0)
+            image = np.mean([lens.draw(scene + [face for car in cars for face in car.at(t + d)],
+                                       inverse(motion.pose(t + d) @ imu_T_cam)) for d in moments], axis=0)
             image = gain * image + options.pixel_noise * random.normal(size=image.shape)
             path = os.path.join(base, name, "data", "%d.jpg" % stamp)
             pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)
@@ -157,10 +165,11 @@ def _write_truth(base, motion, stamps):
            "#timestamp [ns],p_x,p_y,p_z [m],q_w,q_x,q_y,q_z,v_x,v_y,v_z [m s^-1]\n" + "".join(lines))
 
 
-def _camera_yaml(imu_T_cam, intrinsics, rate):
+def _camera_yaml(imu_T_cam, lens, rate):
     return ("sensor_type: camera\n%srate_hz: %g\nresolution: [%d, %d]\ncamera_model: pinhole\nintrinsics: [%g, %g, %g, %g]\n"
-            "distortion_model: radial-tangential\ndistortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n"
-            % (_pose_yaml(imu_T_cam), rate, *SIZE, intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2]))
+            "distortion_model: %s\ndistortion_coefficients: [%g, %g, %g, %g]\n"
+            % (_pose_yaml(imu_T_cam), rate, *lens.size, *lens.intrinsics[[0, 1, 0, 1], [0, 1, 2, 2]], lens.model,
+               *lens.distortion))
 
 
 def _pose_yaml(pose):
