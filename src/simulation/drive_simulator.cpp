@@ -121,10 +121,10 @@ void DriveSimulator::takeSamplesBefore(Stamp stamp, DriveStep& step) {
   }
 }
 
-std::optional<TrueState> DriveSimulator::state() const {
-  const std::optional<Kinematics> body = motion_->kinematics();
+std::optional<TrueState> DriveSimulator::stateAt(Stamp stamp) const {
+  const std::optional<Kinematics> body = motion_->kinematics(secondsBetween(now_, stamp));
   if (!body || !raw_imu_) return std::nullopt;
-  return TrueState{now_, body->world_T_imu, body->velocity, raw_imu_->gyroBias(),
+  return TrueState{stamp, body->world_T_imu, body->velocity, raw_imu_->gyroBias(),
                    raw_imu_->accelerometerBias()};
 }
 

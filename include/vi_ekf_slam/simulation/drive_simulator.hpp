@@ -72,7 +72,9 @@ class DriveSimulator {
   const StereoRig& rig() const { return view_.rig; }
   const DriveOptions& options() const { return options_; }
   /// With a raw IMU, before the first step: at the stamp of its first sample.
-  std::optional<TrueState> state() const;
+  std::optional<TrueState> state() const { return stateAt(now_); }
+  /// The same at any stamp, with the biases of now.
+  std::optional<TrueState> stateAt(Stamp stamp) const;
   const Eigen::Vector3d& gyroBias() const { return gyro_bias_; }         ///< rad/s, the first
   const Eigen::Vector3d& velocityBias() const { return velocity_bias_; } ///< m/s
 

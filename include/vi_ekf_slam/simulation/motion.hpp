@@ -37,7 +37,7 @@ class Motion {
   /// m travelled so far.
   virtual double distance() const = 0;
   /// What an accelerometer feels now, where the motion has accelerations.
-  virtual std::optional<Kinematics> kinematics() const { return std::nullopt; }
+  virtual std::optional<Kinematics> kinematics(double /*ahead*/ = 0.0) const { return std::nullopt; }
 
   /// The first is the identity, but where there are accelerations: there the world's z axis points up.
   const SE3& world_T_imu() const { return world_T_imu_; }

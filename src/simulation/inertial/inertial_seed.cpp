@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/simulation/inertial/inertial_seed.hpp"
 
-#include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -38,9 +37,6 @@ class InertialSeed {
     while (std::optional<DriveStep> step = simulator_.next()) {
       stale.repair(*step);
       if (!first_frame_) first_frame_ = step->stamp;
-      const Eigen::Vector3d w = step->true_twist.empty() ? Eigen::Vector3d::Zero().eval()
-                                                         : step->true_twist.front().twist.tail<3>().eval();
-      truth_.emplace(step->stamp, True{*step->state, w});
       if (isBlind(step->stamp)) step->frame.features.clear();
       returns_.add(step->frame);
       step->frame.stamp -= fromSeconds(rig_.timeOffset());
@@ -62,7 +58,8 @@ class InertialSeed {
 
   void compare(const Output& output) {
     const StateEstimate& state = output.state;
-    const TrueState truth = truthAt(state.stamp);
+    // Of a stamp that an estimated offset has moved.
+    const TrueState truth = *simulator_.stateAt(state.stamp);
     if (!start_) begin(state, truth);
     const SE3 pose = map_T_world_ * truth.world_T_imu;
     if (!returns_.returned()) yaw_.add(state.pose_covariance);
@@ -77,20 +74,6 @@ class InertialSeed {
     result_.inertial->blind_position = result_.frames.back().position;
   }
 
-  /// Frames whose stamps are moved by an estimated offset are not quite where the true ones are.
-  TrueState truthAt(Stamp stamp) {
-    auto next = truth_.lower_bound(stamp);
-    if (next == truth_.end() ||
-        (next != truth_.begin() && stamp - std::prev(next)->first < next->first - stamp))
-      --next;
-    TrueState truth = next->second.state;
-    const double ahead = secondsBetween(truth.stamp, stamp);
-    truth.world_T_imu = SE3(truth.world_T_imu.rotation() * so3::Exp(ahead * next->second.angular_velocity),
-                            truth.world_T_imu.translation() + ahead * truth.velocity);
-    truth_.erase(truth_.begin(), next);
-    return truth;
-  }
-
   void begin(const StateEstimate& state, const TrueState& truth) {
     start_ = state.stamp;
     if (study_.start == StudyStart::kSelf) map_T_world_ = mapOfTruth(truth.world_T_imu, state.world_T_imu);
@@ -102,11 +85,6 @@ class InertialSeed {
     outcome.first_velocity = velocityNees(truth.world_T_imu.rotation().transpose() * truth.velocity, state);
   }
 
-  struct True {
-    TrueState state;
-    Eigen::Vector3d angular_velocity; ///< rad/s, IMU frame
-  };
-
   InertialStudy study_;
   DriveSimulator simulator_;
   ToldRig rig_;
@@ -114,7 +92,6 @@ class InertialSeed {
   SeedResult result_;
   ReturnWatch returns_;
   YawVarianceWatch yaw_;
-  std::map<Stamp, True> truth_; ///< of frames that are on their way
   std::optional<Stamp> first_frame_, start_;
   SE3 map_T_world_;
 };

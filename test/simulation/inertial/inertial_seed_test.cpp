@@ -119,6 +119,21 @@ TEST(InertialSeed, AStartByItselfIsHonestOrRefused) {
   }
 }
 
+// Shaken with up to 1 g, 20 ms are a picture of another moment: what is linear in them is not enough.
+TEST(InertialSeed, AStartInMotionFindsThePicturesClock) {
+  Config config;
+  config.invariant.rig.time_offset_sigma = 0.02;
+  InertialStudy study;
+  study.start = StudyStart::kSelf;
+  study.disturbance.time_offset = 0.02;
+  const auto results = runSeeds(config, handheld(8.0, 0.0), 1, 4, 2, {}, study);
+  expectHonest(results);
+  for (const SeedResult& result : results) {
+    EXPECT_LE(result.inertial->start_delay, 1.5);
+    EXPECT_EQ(result.frames_rejected, 0u);
+  }
+}
+
 // Of its first step stereo alone tells, with far points.
 TEST(InertialSeed, ACarInMotionStartsWithinTwoSecondsAndRight) {
   DriveOptions options = studyOptions(MotionModel::kInertialCar);

@@ -54,9 +54,11 @@ class InertialEstimator : public Estimator {
   void beginOdometry();
   void tryToGoOn(Stamp now);
   void tryGiven(Stamp now);
+  void orderWindow();
   void tryToStart();
   std::string startFrom(const std::vector<SeenPose>& poses);
   bool replay(InvariantEstimator& filter) const;
+  bool learnClock(const InvariantEstimator& filter);
   void forgetOld(Stamp now);
 
   InvariantConfig config_;

@@ -42,7 +42,9 @@ class TrajectoryMotion : public Motion {
   Vector6d begin(double dt) override;
   void move(double dt) override;
   double distance() const override { return trajectory_->distance(toSeconds(time_)); }
-  std::optional<Kinematics> kinematics() const override { return now_; }
+  std::optional<Kinematics> kinematics(double ahead) const override {
+    return ahead == 0.0 ? now_ : trajectory_->at(toSeconds(time_) + ahead);
+  }
 
  private:
   std::unique_ptr<const Trajectory> trajectory_;
