@@ -108,8 +108,9 @@ std::vector<cv::Point2f> CameraModel::unrectify(const std::vector<cv::Point2d>& 
 
 /// OpenCV mirrors what a fisheye sees behind the plane.
 bool CameraModel::isBeyondPlane(const cv::Point2d& raw) const {
-  const auto& [size, distortion, D, K, R, P, images_are_rectified] = parameters_;
-  if (distortion != Distortion::kEquidistant) return false;
+  if (parameters_.distortion != Distortion::kEquidistant) return false;
+  const auto& D = parameters_.D;
+  const auto& K = parameters_.K;
   const double theta = std::atan(1.1 * kMaxTangent), t = theta * theta;
   const double bent = theta * (1.0 + t * (D[0] + t * (D[1] + t * (D[2] + t * D[3]))));
   return std::hypot((raw.x - K(0, 2)) / K(0, 0), (raw.y - K(1, 2)) / K(1, 1)) > bent;
