@@ -303,13 +303,9 @@ void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<
 // What goes out, and comes back.
 
 StateEstimate InvariantEstimator::state() const {
-  StateEstimate estimate;
-  estimate.stamp = stamp_.value_or(0);
-  estimate.world_T_imu = filter_.pose();
-  estimate.pose_covariance = filter_.covariance().topLeftCorner<6, 6>();
-  estimate.twist = motion_->twist(filter_, imu_, estimate.stamp);
-  estimate.twist_covariance = motion_->twistCovariance(filter_, imu_);
-  return estimate;
+  const Stamp stamp = stamp_.value_or(0);
+  return {stamp, filter_.pose(), filter_.covariance().topLeftCorner<6, 6>(),
+          motion_->twist(filter_, imu_, stamp), motion_->twistCovariance(filter_, imu_)};
 }
 
 std::optional<RigEstimate> InvariantEstimator::rig() const {
