@@ -28,8 +28,10 @@ class Stepped {
     const Eigen::MatrixXd S = H * PHt.topRows(size_) + R;
     const Eigen::VectorXd nu = z - H * error_.head(size_);
     LinearMeasurement measurement(nu, R);
-    for (Eigen::Index column = 0; column < size_; column += 6)
-      measurement.by(column, H.middleCols(column, std::min<Eigen::Index>(6, size_ - column)));
+    for (Eigen::Index column = 0; column < size_; column += 6) {
+      const Eigen::Index width = std::min<Eigen::Index>(6, size_ - column);
+      if (!H.middleCols(column, width).isZero(0.0)) measurement.by(column, H.middleCols(column, width));
+    }
     const Eigen::MatrixXd L_inverse = S.llt().matrixL().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols()));
     CoreColumns A = CoreColumns::Zero(core_.padded(), S.rows());
     A.topRows(size_) = PHt.topRows(size_) * L_inverse.transpose();
@@ -73,6 +75,28 @@ TEST(CompressedCoreTest, SaysWhatBecameOfAllTheOthers) {
     }
     stepped.expectRest();
   }
+}
+
+TEST(CompressedCoreTest, HasRoomForTheLargestCoreAndRefusesALargerOne) {
+  Random random(7);
+  Stepped stepped(random, kMostCoreRows, 7);
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(kMostCoreRows, kMostCoreRows);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(3, kMostCoreRows);
+  for (int i = 0; i < 15; ++i) {
+    F.bottomLeftCorner<6, 6>() = 0.1 * randomMatrix(random, 6, 6);
+    stepped.propagate(F, 1e-3);
+    H.leftCols<6>() = randomMatrix(random, 3, 6);
+    H.rightCols<4>() = randomMatrix(random, 3, 4);
+    stepped.correct(H, randomCovariance(random, 3, 0.1), randomMatrix(random, 3, 1));
+  }
+  stepped.expectRest();
+
+  Filter filter(SE3(), Matrix6d::Identity());
+  const Eigen::Index most = kMostCoreRows - filter.rows();
+  filter.augment(Chart::kVector, Eigen::VectorXd::Zero(most), Eigen::MatrixXd::Identity(most, most));
+  EXPECT_NO_THROW(filter.closeCore());
+  filter.augment(Chart::kVector, Eigen::VectorXd::Zero(1), Eigen::MatrixXd::Identity(1, 1));
+  EXPECT_THROW(filter.closeCore(), std::logic_error);
 }
 
 // Omega is singular, and of blocks that are the same: a sum of two errors is measured.
