@@ -127,7 +127,9 @@ std::vector<double> CameraModel::magnifications(const std::vector<cv::Point2f>& 
   std::vector<double> magnifications;
   for (std::size_t i = 0; i < n; ++i) {
     const cv::Point2d u = rectified[n + i] - rectified[i], v = rectified[3 * n + i] - rectified[2 * n + i];
-    magnifications.push_back(std::sqrt(0.5 * (u.dot(u) + v.dot(v))));
+    // The larger singular value of (u v).
+    const double mean = 0.5 * (u.dot(u) + v.dot(v)), area = u.cross(v);
+    magnifications.push_back(std::sqrt(mean + std::sqrt(std::max(0.0, mean * mean - area * area))));
   }
   return magnifications;
 }

@@ -67,13 +67,13 @@ TEST(CameraModel, a_fisheye_shows_what_a_plane_can_hold_beyond_the_pictures_bord
   EXPECT_FALSE(testCalibration().left.shows({-1.0, 100.0})); // rectified pictures end where they end
 }
 
-TEST(CameraModel, a_pixel_of_a_fisheye_is_as_wide_as_the_tangent_stretches_it) {
+TEST(CameraModel, a_pixel_of_a_fisheye_is_as_long_as_the_tangent_stretches_it) {
   const CameraModel model = wideFisheye();
   EXPECT_NEAR(1.0, model.magnifications({{255.5f, 255.5f}}).front(), 1e-3);
-  const double angle = 1.0; // rad; d tan(a)/da outwards, tan(a)/a across
-  const double expected =
-      std::sqrt(0.5 * (std::pow(std::cos(angle), -4) + std::pow(std::tan(angle) / angle, 2)));
-  for (const cv::Point2f& pixel : {cv::Point2f(405.5f, 255.5f), {255.5f, 105.5f}})
+  const double expected = std::pow(std::cos(1.0), -2); // 1 rad from the axis: d tan(a)/da, outwards
+  const float aslant = 150.0f * std::sqrt(0.5f);
+  for (const cv::Point2f& pixel :
+       {cv::Point2f(405.5f, 255.5f), {255.5f, 105.5f}, {255.5f + aslant, 255.5f + aslant}})
     EXPECT_NEAR(expected, model.magnifications({pixel}).front(), 1e-3);
   EXPECT_EQ(std::vector<double>({1.0, 1.0}),
             testCalibration().left.magnifications({{1.0f, 2.0f}, {100.0f, 200.0f}}));

@@ -32,8 +32,8 @@ class CameraModel {
   /// comes out far outside.
   std::vector<cv::Point2f> unrectify(const std::vector<cv::Point2d>& rectified) const;
 
-  /// How many pixels of the rectified image a pixel of the images that come is wide there, RMS over its two
-  /// sides: what turns an error of the one into an error of the other.
+  /// How many pixels of the rectified image a pixel of the images that come is long there, where it is
+  /// longest: what turns an error of the one into one of the other that is not too small.
   std::vector<double> magnifications(const std::vector<cv::Point2f>& pixels) const;
 
   cv::Size size() const { return parameters_.size; }

@@ -38,9 +38,9 @@ class Camera:
         return undistort(points, self.K, self.D, R=self.R, P=self.P).reshape(-1, 2)
 
     def magnifications(self, pixels):
-        """(N,): how many px of the rectified picture one of the picture as it is is wide there, RMS over its two sides."""
+        """(N,): how many px of the rectified picture one of the picture as it is is long there, where it is longest."""
         sides = [self.rectify(pixels + step) - self.rectify(pixels - step) for step in 0.5 * np.eye(2)]
-        return np.sqrt(0.5 * np.sum(np.square(sides), axis=(0, 2)))
+        return np.linalg.norm(np.stack(sides, axis=-1), ord=2, axis=(1, 2))
 
 
 def check_calibration(rig, report):
