@@ -88,7 +88,11 @@ class LaunchRunner(unittest.TestCase):
             for pid, _ in left:  # they would hold the pipe open
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
-            self.fail("roslaunch does not end, these run: %s; %s" % (left, process.communicate()[0].decode(errors="replace")))
+            try:
+                said = process.communicate(timeout=10.0)[0].decode(errors="replace")
+            except subprocess.TimeoutExpired:
+                said = "(another process holds its output open)"
+            self.fail("roslaunch does not end, these run: %s; %s" % (left, said))
 
     def launch(self, *arguments):
         """Plays the bag with a master of its own; returns (status, what was said)."""
