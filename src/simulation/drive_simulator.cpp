@@ -103,7 +103,6 @@ std::optional<DriveStep> DriveSimulator::next() {
   takeSamplesBefore(step.stamp, step);
   moveTo(step.stamp);
   step.world_T_imu = motion_->world_T_imu();
-  step.state = state();
   FrontEnd::Result seen = front_end_.process(step.stamp, step.world_T_imu, traffic_.objects());
   step.frame = std::move(seen.frame);
   step.truth = std::move(seen.truth);

@@ -46,7 +46,6 @@ struct DriveStep {
   Stamp stamp = 0;
   /// At `stamp`. The identity in the first step; with a raw IMU z points up instead.
   SE3 world_T_imu;
-  std::optional<TrueState> state;    ///< at `stamp`, with a raw IMU
   std::vector<TrueTwist> true_twist; ///< of `gyro`, in its order
   std::vector<ImuSample> gyro;
   std::vector<VelocitySample> velocity;
