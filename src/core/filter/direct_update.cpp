@@ -103,6 +103,48 @@ DirectUpdate::DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::ve
 
 Eigen::MatrixXd DirectUpdate::inverseS() const { return S_inverse_.selfadjointView<Eigen::Lower>(); }
 
+DirectUpdate::Moved DirectUpdate::movedBy(const std::vector<Variables::Reexpressed>& points) const {
+  Moved result;
+  std::vector<const Variables::Reexpressed*> at(3 * seen_.size() + rest_.size(), nullptr); // by row
+  for (const auto& point : points) {
+    if (std::binary_search(rest_.begin(), rest_.end(), point.row))
+      result.unseen.push_back(point);
+    else
+      at[static_cast<std::size_t>(point.row)] = &point;
+  }
+  for (const Seen& seen : seen_) {
+    const Variables::Reexpressed* point = at[static_cast<std::size_t>(seen.row)];
+    const Eigen::Matrix3d M = point ? point->M : Eigen::Matrix3d::Identity();
+    const Eigen::Matrix3d weighted_A = (M * seen.J_inverse).transpose(), A = seen.noise * weighted_A;
+    result.weighted_A.push_back(weighted_A);
+    result.A.push_back(A);
+    result.A_transposed.emplace_back(A.transpose());
+    // From y + G c to y, and what it is re-expressed by.
+    for (const LinearMeasurement::Term& other : seen.others)
+      result.others.push_back({seen.row, {other.column, -M * other.H}});
+    if (point && !point->N.isNone()) result.others.push_back({seen.row, point->N});
+  }
+  return result;
+}
+
+void DirectUpdate::correctRows(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& HX,
+                               const Eigen::Ref<const Eigen::MatrixXd>& weighted,
+                               const std::vector<Variables::Reexpressed>& points) const {
+  const Moved moved = movedBy(points);
+  const Eigen::MatrixXd change = gain_ * HX;
+  for (Eigen::Index column = 0; column < X.cols(); ++column) {
+    auto x = X.col(column);
+    for (std::size_t i = 0; i < rest_.size(); ++i)
+      x[rest_[i]] -= change(static_cast<Eigen::Index>(i), column);
+    for (std::size_t i = 0; i < seen_.size(); ++i)
+      x.segment<3>(seen_[i].row) =
+          moved.A_transposed[i].times(weighted.col(column).segment<3>(3 * static_cast<Eigen::Index>(i)));
+  }
+  for (const auto& [row, N] : moved.others)
+    X.middleRows<3>(row).noalias() += N.J * X.middleRows(N.row, N.J.cols());
+  reexpressRows(X, moved.unseen);
+}
+
 /// `cross` is K R J^-T.
 DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P,
                                              const std::vector<Eigen::Matrix3d>& A) const {
@@ -122,25 +164,8 @@ DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::Matri
 
 void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
                            const std::vector<Variables::Reexpressed>& points) const {
-  std::vector<const Eigen::Matrix3d*> M(static_cast<std::size_t>(P.rows()), nullptr); // by row
-  bool are_alone = std::all_of(seen_.begin(), seen_.end(), [](const Seen& s) { return s.others.empty(); });
-  for (const auto& point : points) {
-    M[static_cast<std::size_t>(point.row)] = &point.M;
-    are_alone = are_alone && point.N.isNone();
-  }
-  std::vector<Eigen::Matrix3d> A, weighted_A; // R^-1 A
-  A.reserve(seen_.size());
-  weighted_A.reserve(seen_.size());
-  for (const Seen& seen : seen_) {
-    weighted_A.push_back(seen.J_inverse.transpose());
-    const Eigen::Matrix3d* moved = M[static_cast<std::size_t>(seen.row)];
-    if (moved) weighted_A.back() *= moved->transpose();
-    A.push_back(seen.noise * weighted_A.back());
-  }
-  std::vector<FourByThree> A_transposed;
-  A_transposed.reserve(seen_.size());
-  for (const Eigen::Matrix3d& a : A) A_transposed.emplace_back(a.transpose());
-  const auto [own, cross] = correctRest(P, A);
+  const Moved moved = movedBy(points);
+  const auto [own, cross] = correctRest(P, moved.A);
   const auto rest = static_cast<Eigen::Index>(rest_.size());
   for (Eigen::Index j = 0; j < rest; ++j) {
     for (Eigen::Index i = j; i < rest; ++i)
@@ -157,13 +182,13 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
         P.block<3, 1>(to, row) = cross.block<1, 3>(i, first).transpose();
     }
     auto below = column.bottomRows(column.rows() - first);
-    below = S_inverse_.middleCols<3>(first).bottomRows(below.rows()).lazyProduct(-A[k]);
-    column.middleRows<3>(first) += weighted_A[k];
+    below = S_inverse_.middleCols<3>(first).bottomRows(below.rows()).lazyProduct(-moved.A[k]);
+    column.middleRows<3>(first) += moved.weighted_A[k];
     for (Eigen::Index c = 0; c < 3; ++c) {
       for (std::size_t j = k; j < seen_.size(); ++j) {
         const Eigen::Index row = seen_[j].row;
         const Eigen::Vector3d entries =
-            A_transposed[j].times(column.col(c).segment<3>(3 * static_cast<Eigen::Index>(j)));
+            moved.A_transposed[j].times(column.col(c).segment<3>(3 * static_cast<Eigen::Index>(j)));
         if (row >= to)
           P.col(to + c).segment<3>(row) = entries;
         else
@@ -171,26 +196,14 @@ void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
       }
     }
   }
-  std::vector<Variables::Reexpressed> unseen;
-  for (const auto& point : points) {
-    if (std::binary_search(rest_.begin(), rest_.end(), point.row)) unseen.push_back(point);
-  }
-  if (are_alone) reexpressLower(P, unseen);
+  const bool are_alone = moved.others.empty() &&
+                         std::all_of(moved.unseen.begin(), moved.unseen.end(),
+                                     [](const Variables::Reexpressed& point) { return point.N.isNone(); });
+  if (are_alone) reexpressLower(P, moved.unseen);
   mirrorLower(P);
   if (are_alone) return;
-  // From y + G c to y.
-  for (const Seen& seen : seen_) {
-    for (const LinearMeasurement::Term& other : seen.others) {
-      const Eigen::Matrix3d* moved = M[static_cast<std::size_t>(seen.row)];
-      const SmallMatrix G = moved ? SmallMatrix(*moved * other.H) : other.H;
-      P.middleCols<3>(seen.row).noalias() -= P.middleCols(other.column, G.cols()) * G.transpose();
-      P.middleRows<3>(seen.row).noalias() -= G * P.middleRows(other.column, G.cols());
-    }
-  }
-  for (const auto& point : points) {
-    if (!std::binary_search(rest_.begin(), rest_.end(), point.row)) addOthers(P, point.row, point.N);
-  }
-  reexpress(P, unseen);
+  for (const auto& [row, N] : moved.others) addOthers(P, row, N);
+  reexpress(P, moved.unseen);
 }
 
 } // namespace vi_ekf_slam

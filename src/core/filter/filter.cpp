@@ -242,12 +242,10 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
   Eigen::MatrixXd root;
   if (direct) {
     if (!direct->isFinite()) return false;
-    if (!inactive_.isEmpty()) inactive_.correct(in, direct->inverseS());
   } else {
     root = in.PHt();
     divideByLowerTransposed(root, in.L());
     if (!root.allFinite()) return false;
-    inactive_.correct(in, Eigen::MatrixXd());
   }
   const Eigen::Vector3d before = pose().translation();
   const std::vector<Variables::Reexpressed> points = variables_.retract(in.error(), rows(), chart);
@@ -257,7 +255,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
     subtractSquare(P(), root);
     reexpress(P(), points);
   }
-  inactive_.transform([&points](auto X) { reexpressRows(X, points); });
+  inactive_.correct(in, direct ? &*direct : nullptr, points);
   transportPose(before);
   if (turns) moveInactive(inactive_before);
   return true;

@@ -69,25 +69,27 @@ void InactiveStore::close() {
   blocks_.push_back(std::move(block));
 }
 
-void InactiveStore::correct(const Innovation& in, const Eigen::Ref<const Eigen::MatrixXd>& S_inverse) {
+void InactiveStore::correct(const Innovation& in, const DirectUpdate* direct,
+                            const std::vector<Variables::Reexpressed>& points) {
   if (isEmpty()) return;
   auto X = map();
-  Eigen::MatrixXd HX = Eigen::MatrixXd::Zero(in.rows(), X.cols());
-  for (std::size_t i = 0; i < in.measurements().size(); ++i)
-    in.measurements()[i].addProduct(X, HX.middleRows(in.rowOf(i), in.measurements()[i].rows()));
+  Eigen::MatrixXd HX(in.rows(), X.cols());
+  in.applyH(X, HX);
   auto information = open_.information.topLeftCorner(X.cols(), X.cols());
   Eigen::MatrixXd weighted; // S^-1 H F
-  if (S_inverse.size() > 0) {
-    weighted.noalias() = S_inverse * HX;
+  if (direct) {
+    weighted.noalias() = direct->inverseS() * HX;
     addLowerProduct(information, HX, weighted);
+    direct->correctRows(X, HX, weighted, points);
   } else {
     weighted = std::move(HX);
     in.L().triangularView<Eigen::Lower>().solveInPlace(weighted);
     addLowerSquare(information, weighted);
     in.L().transpose().triangularView<Eigen::Upper>().solveInPlace(weighted);
+    X.noalias() -= in.PHt() * weighted;
+    reexpressRows(X, points);
   }
   open_.correction.noalias() += weighted.transpose() * in.residual();
-  X.noalias() -= in.PHt() * weighted;
 }
 
 void InactiveStore::learn(const Eigen::Ref<const Eigen::MatrixXd>& Gamma, const Eigen::VectorXd& correction) {
@@ -177,11 +179,14 @@ void InactiveStore::settle() {
   SymmetricPanels& P = settled.covariance;
   P.resize(all);
   Eigen::MatrixXd cross(size, all);
-  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(size, size), information = Eigen::MatrixXd::Zero(size, size);
-  Eigen::VectorXd correction = Eigen::VectorXd::Zero(size);
-  Eigen::MatrixXd later(0, size);
-  Eigen::Index first = all;
-  std::size_t next = settled.variables.size();
+  const std::shared_ptr<const Block> last = blocks_.back();
+  blocks_.pop_back();
+  Eigen::Index first = all - last->left();
+  std::size_t next = settled.variables.size() - last->variables.size();
+  cross.rightCols(last->left()) = last->F.rightCols(last->left());
+  P.set(first, first, last->own);
+  Eigen::MatrixXd F = last->F.leftCols(last->begin), information = last->information, later = last->origin;
+  Eigen::VectorXd correction = last->correction;
   for (; !blocks_.empty(); blocks_.pop_back()) {
     const Block& block = *blocks_.back();
     const Eigen::Index own = block.left(), here = first - own;
@@ -226,7 +231,7 @@ double InactiveStore::settlingCost() const {
   const auto old = static_cast<double>(settled_->first.back());
   double left = static_cast<double>(open_.left());
   for (const auto& block : blocks_) left += static_cast<double>(block->left());
-  const auto blocks = static_cast<double>(blocks_.size() + 1);
+  const auto blocks = static_cast<double>(blocks_.size()); // to be composed with the open one
   return n * old * old + 2.0 * n * (n + left) * old + n * left * (n * blocks + left) +
          6.0 * n * n * n * blocks;
 }

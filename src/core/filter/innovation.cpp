@@ -164,6 +164,26 @@ bool Innovation::solve() {
   return nis_ >= 0.0 && error_.allFinite();
 }
 
+/// Column by column, of which each is small: three rows of all columns lie far apart.
+void Innovation::applyH(const Eigen::Ref<const Eigen::MatrixXd>& X, Eigen::Ref<Eigen::MatrixXd> HX) const {
+  std::vector<Block> blocks; // of three by three
+  HX.setZero();
+  for (std::size_t i = 0; i < used_; ++i) {
+    const LinearMeasurement& z = measurements_[i];
+    for (const LinearMeasurement::Term& term : z) {
+      if (z.rows() == 3 && term.H.cols() == 3) {
+        blocks.push_back({first_[i], term.column, FourByThree(term.H)});
+      } else {
+        HX.middleRows(first_[i], z.rows()).noalias() += term.H * X.middleRows(term.column, term.H.cols());
+      }
+    }
+  }
+  for (Eigen::Index column = 0; column < X.cols(); ++column) {
+    for (const Block& block : blocks)
+      HX.col(column).segment<3>(block.row) += block.H.times(X.col(column).segment<3>(block.column));
+  }
+}
+
 Eigen::MatrixXd Innovation::PHt() const {
   Eigen::MatrixXd result(PHt_.rows(), rows());
   for (Eigen::Index row = 0; row < rows(); ++row)

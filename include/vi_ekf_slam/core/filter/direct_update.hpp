@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "vi_ekf_slam/core/filter/four_by_three.hpp"
 #include "vi_ekf_slam/core/filter/innovation.hpp"
 #include "vi_ekf_slam/core/filter/variables.hpp"
 
@@ -27,6 +28,12 @@ class DirectUpdate {
   bool isFinite() const { return S_inverse_.allFinite() && gain_.allFinite(); }
   Eigen::MatrixXd inverseS() const;
 
+  /// X <- T (X - K H X) of rows of the error, with `HX` and `weighted`, S^-1 H X (rows x columns of X): what
+  /// is measured is R S^-1 H X afterwards.
+  void correctRows(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<const Eigen::MatrixXd>& HX,
+                   const Eigen::Ref<const Eigen::MatrixXd>& weighted,
+                   const std::vector<Variables::Reexpressed>& points) const;
+
   /// P <- T (P - K S K^T) T^T, where T re-expresses points.
   void correct(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) const;
 
@@ -42,7 +49,20 @@ class DirectUpdate {
     Eigen::MatrixXd cross; ///< with those that are
   };
 
+  /// What `points` make of it, by measurement.
+  struct Moved {
+    struct Others {
+      Eigen::Index row;
+      LinearFunction N; ///< to be added to y's rows
+    };
+    std::vector<Eigen::Matrix3d> A, weighted_A; ///< R J^-T and J^-T, of y as it is re-expressed
+    std::vector<FourByThree> A_transposed;
+    std::vector<Others> others;
+    std::vector<Variables::Reexpressed> unseen; ///< the points that are not measured
+  };
+
   DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::vector<Eigen::Index> rest);
+  Moved movedBy(const std::vector<Variables::Reexpressed>& points) const;
   Rest correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Matrix3d>& A) const;
 
   std::vector<Seen> seen_;
@@ -58,8 +78,13 @@ void reexpress(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexp
 /// X <- T X of the error's rows.
 template <class Matrix>
 void reexpressRows(Matrix&& X, const std::vector<Variables::Reexpressed>& points) {
+  for (Eigen::Index column = 0; column < X.cols(); ++column) {
+    for (const auto& point : points) {
+      const Eigen::Vector3d own = X.col(column).template segment<3>(point.row);
+      X.col(column).template segment<3>(point.row).noalias() = point.M * own;
+    }
+  }
   for (const auto& [row, M, N] : points) {
-    X.template middleRows<3>(row) = (M * X.template middleRows<3>(row)).eval();
     if (!N.isNone()) X.template middleRows<3>(row).noalias() += N.J * X.middleRows(N.row, N.J.cols());
   }
 }

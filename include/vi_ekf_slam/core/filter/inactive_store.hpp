@@ -7,6 +7,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "vi_ekf_slam/core/filter/direct_update.hpp"
 #include "vi_ekf_slam/core/filter/innovation.hpp"
 #include "vi_ekf_slam/core/filter/symmetric_panels.hpp"
 #include "vi_ekf_slam/core/filter/variables.hpp"
@@ -50,8 +51,9 @@ class InactiveStore {
   void transform(const Transform& transform_rows) {
     if (!isEmpty()) transform_rows(map());
   }
-  /// They were corrected by `in`, of which `S_inverse` is S^-1 where it is at hand (rows square, else empty).
-  void correct(const Innovation& in, const Eigen::Ref<const Eigen::MatrixXd>& S_inverse);
+  /// They were corrected by `in`, as `direct` has it where that is given, and `points` re-expressed.
+  void correct(const Innovation& in, const DirectUpdate* direct,
+               const std::vector<Variables::Reexpressed>& points);
   /// A period of the compressed core ends (see Filter): Omega = Gamma Gamma^T and psi (`correction`) of its
   /// first c active errors. Before F's rows are transformed accordingly.
   void learn(const Eigen::Ref<const Eigen::MatrixXd>& Gamma, const Eigen::VectorXd& correction);

@@ -42,6 +42,8 @@ class Innovation {
   bool accept(const std::vector<bool>& passes);
 
   // After factorise:
+  /// HX = H X, for X with the rows of the errors.
+  void applyH(const Eigen::Ref<const Eigen::MatrixXd>& X, Eigen::Ref<Eigen::MatrixXd> HX) const;
   /// Normalised innovation squared of all: residual^T S^-1 residual.
   double nis() const { return nis_; }
   /// What the errors are expected to be: P H^T S^-1 residual.
