@@ -86,13 +86,13 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
-/// Whether a correction moves the points in view with the body (the tilt of the way so far, where a body is that
-/// was blind) rather than the body alone (in a known map): how far either moves them, as angles, is what the chart
-/// of one camera must take to first order. Without gravity no frame tells the way so far anything.
+/// Whether a correction moves the points in view with the body (the tilt of the way so far where a body was
+/// blind, its length where the baseline is another) rather than the body alone (in a known map): by which of
+/// the two the points are seen to move less, as angles. The chart of one camera has to take the rest to first
+/// order. Without gravity no frame tells the way so far anything.
 bool Variables::goWithBody(const Eigen::VectorXd& error, Eigen::Index rows,
                            const Eigen::Vector3d& seen_turn) const {
   double in_body = 0.0, in_world = 0.0;
-  std::size_t points = 0;
   bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
@@ -105,9 +105,8 @@ bool Variables::goWithBody(const Eigen::VectorXd& error, Eigen::Index rows,
     const double distance2 = way.squaredNorm();
     in_body += way.cross(y).squaredNorm() / (distance2 * distance2);
     in_world += way.cross(d).squaredNorm() / (distance2 * distance2);
-    ++points;
   }
-  return is_level && in_world > kLeastTurn * kLeastTurn * static_cast<double>(points) && in_body < in_world;
+  return is_level && in_body < in_world;
 }
 
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
@@ -160,17 +159,21 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& er
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
     const Eigen::Vector3d shift = error.head<3>();
+    const LinearFunction by = chart.seen ? chart.seen(way) : LinearFunction();
+    Eigen::Vector3d seen = e;
+    if (!by.isNone()) seen += by.J * error.segment(by.row, by.J.cols());
     const Eigen::Matrix3d& V = with_body ? turn : U; // by which the point moves beforehand, exactly
-    Eigen::Vector3d turned = way - shift, d = e + (error.segment<3>(3) - common).cross(way) + shift;
+    Eigen::Vector3d turned = way - shift, d = seen + (error.segment<3>(3) - common).cross(way) + shift;
     if (with_body) {
       turned = turn * way;
-      d = turn * e;
+      d = turn * seen;
     } else if (turns) {
       turned = U * way - shift;
       d = (U * d).eval();
     }
     std::optional<MovedPoint> moved = chart ? chart.move(turn, turned, d) : std::nullopt;
     if (moved && (turns || with_body)) moved->M = (moved->M * V).eval();
+    if (moved && !by.isNone()) moved->N.J += moved->M * by.J;
     x = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
     if (moved)
       reexpressed.push_back({slot.row, moved->M, std::move(moved->N)});

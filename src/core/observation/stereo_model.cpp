@@ -97,8 +97,9 @@ Eigen::Matrix3d StereoModel::slideNoise(const Filter& filter, Handle landmark, d
 }
 
 /// What is corrected is q = R way + t as the pair sees it, R being cam_R_world, whose error is that of y and,
-/// with Q = dq/dr, that of the calibration r: R y + Q r. With R', t' and Q' of the corrected calibration and
-/// point, and k by what its baseline grew, y <- R'^T (k M (R y + Q r) - Q' r).
+/// with Q = dq/dr, that of the calibration r: R (y + R^T Q r), of the point where it was seen. With R', t'
+/// and Q' of the corrected calibration and point, and k by what its baseline grew, y <- R'^T (k M R (y + R^T
+/// Q r) - Q' r): what moves nothing as it is seen (all distances and a longer baseline) still does not.
 PointChart StereoModel::inverseDepthChart(const Filter& filter, const Eigen::VectorXd& error) const {
   const SE3 cam_T_world = camTWorld(filter);
   const Eigen::Matrix3d cam_R_before = cam_T_world.rotation();
@@ -119,14 +120,15 @@ PointChart StereoModel::inverseDepthChart(const Filter& filter, const Eigen::Vec
       const Eigen::Matrix3d to_world = turn * cam_R_after.transpose();
       const Eigen::Vector3d q = R * way + t;
       if (!InverseDepth::isDefined(q)) return std::nullopt;
-      const Eigen::Matrix3Xd Q = before(q);
-      const Eigen::Vector3d moved = InverseDepth::moved(q, R * d + Q * r);
+      const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
       const Eigen::Matrix3d M = growth * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q);
       const Eigen::Vector3d now = growth * moved;
-      return MovedPoint{
-          to_world * (now - t_after), to_world * M * R, {row, to_world * (M * Q - after(now))}};
+      return MovedPoint{to_world * (now - t_after), to_world * M * R, {row, -(to_world * after(now))}};
     };
-    return {move, cam_R_before.transpose() * before.turn(r)};
+    const auto seen = [=](const Eigen::Vector3d& way) {
+      return LinearFunction{row, cam_R_before.transpose() * before(cam_R_before * way + t)};
+    };
+    return {move, seen, cam_R_before.transpose() * before.turn(r)};
   }
   return [cam_R_before, t](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
                            const Eigen::Vector3d& d) -> std::optional<MovedPoint> {

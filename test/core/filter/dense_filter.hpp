@@ -174,19 +174,19 @@ class DenseFilter {
   }
 
  private:
-  /// Whether a correction moves the points less about the body than in the world, and by more than 0.01 rad: the
-  /// RMS of the angles.
+  /// Whether a correction moves the points less about the body than in the world, as angles; with gravity.
   bool goWithBody(const Eigen::VectorXd& error) const {
-    double in_body = 0.0, in_world = 0.0, points = 0.0;
+    double in_body = 0.0, in_world = 0.0;
+    bool is_level = false;
     for (const Variable& v : variables_) {
+      is_level = is_level || v.chart == Chart::kWorldVector;
       if (v.chart != Chart::kPoint || !v.active) continue;
       const Eigen::Vector3d way = v.mean - pose_.translation(), y = error.segment<3>(v.row);
       const Eigen::Vector3d d = y + error.segment<3>(3).cross(way) + error.head<3>();
       in_body += way.cross(y).squaredNorm() / std::pow(way.norm(), 4);
       in_world += way.cross(d).squaredNorm() / std::pow(way.norm(), 4);
-      points += 1.0;
     }
-    return in_world > 1e-4 * points && in_body < in_world;
+    return is_level && in_body < in_world;
   }
 
   Eigen::MatrixXd identity() const { return Eigen::MatrixXd::Identity(P_.rows(), P_.rows()); }

@@ -27,24 +27,27 @@ enum class Chart : std::uint8_t {
 using Handle = std::uint32_t;
 
 /// Where a point is corrected in other coordinates than straight ones: from the corrected body to the point
-/// (world axes, m), and how the error is re-expressed there, y <- M y + N x of others.
+/// (world axes, m), and how the error is re-expressed there, y <- M (y + seen x) + N x of others.
 struct MovedPoint {
   Eigen::Vector3d way;
   Eigen::Matrix3d M;
   LinearFunction N;
 };
 /// Given by how the body was turned (R' = turn R), the way from the corrected body to the point that is not
-/// corrected yet, and its correction d to first order, all along the world's axes.
+/// corrected yet, and its correction d as it is seen to first order, all along the world's axes.
 struct PointChart {
-  using Move = std::function<std::optional<MovedPoint>(
-      const Eigen::Matrix3d& turn, const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
+  using Move = std::function<std::optional<MovedPoint>(const Eigen::Matrix3d& turn,
+                                                       const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
+  /// By what errors of others (calibration) move a point as it is seen, on this way from the body.
+  using Seen = std::function<LinearFunction(const Eigen::Vector3d& way)>;
   PointChart() = default;
   template <class F>
-  PointChart(F f, const Eigen::Vector3d& seen = Eigen::Vector3d::Zero())
-      : move(std::move(f)), seen_turn(seen) {}
+  PointChart(F f, Seen by_others = {}, const Eigen::Vector3d& turn = Eigen::Vector3d::Zero())
+      : move(std::move(f)), seen(std::move(by_others)), seen_turn(turn) {}
   explicit operator bool() const { return static_cast<bool>(move); }
 
   Move move;
+  Seen seen; ///< none: by nothing
   /// By which the correction of others alone turns the points about the body as they are seen, rad, world.
   Eigen::Vector3d seen_turn = Eigen::Vector3d::Zero();
 };
