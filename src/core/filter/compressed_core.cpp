@@ -21,6 +21,11 @@ void CompressedCore::correct(const LinearMeasurement& z, const SmallMatrix& L_in
   const CoreColumns B = HPhi_t.lazyProduct(L_inverse.transpose());
   const auto core = B.topRows(size_);
   psi_.noalias() += core.lazyProduct(white);
+  if (z.rows() == 3) { // as most have, which the compiler knows here
+    Omega_.noalias() += B.leftCols<3>().lazyProduct(core.leftCols<3>().transpose());
+    Phi_t_.noalias() -= B.leftCols<3>().lazyProduct(A.leftCols<3>().topRows(size_).transpose());
+    return;
+  }
   Omega_.noalias() += B.lazyProduct(core.transpose());
   Phi_t_.noalias() -= B.lazyProduct(A.topRows(size_).transpose());
 }

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -25,6 +26,14 @@ void transportRows(Matrix&& X, const Eigen::Vector3d& moved) {
 void transport(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Vector3d& moved) {
   transportRows(P, moved);
   P.leftCols<3>().noalias() += P.middleCols<3>(3) * so3::hat(moved);
+}
+
+/// L^-1 of S = L L^T; nothing where S is not positive definite.
+template <class Matrix>
+std::optional<SmallMatrix> inverseFactor(const Matrix& S) {
+  const Eigen::LLT<Matrix> llt(S);
+  if (llt.info() != Eigen::Success) return std::nullopt;
+  return SmallMatrix(llt.matrixL().solve(Matrix::Identity(S.rows(), S.rows())));
 }
 
 } // namespace
@@ -213,16 +222,20 @@ bool Filter::correctCore(const LinearMeasurement& z) {
   PHt.bottomRows(padded.rows() - c).setZero();
   SmallMatrix S = z.noise();
   z.addProduct(PHt, S);
-  const Eigen::LLT<SmallMatrix> llt(S);
-  if (llt.info() != Eigen::Success) return false;
-  const SmallMatrix L_inverse = llt.matrixL().solve(SmallMatrix::Identity(z.rows(), z.rows()));
+  const bool has_three = z.rows() == 3; // as most, which the compiler knows then
+  const auto factor = has_three ? inverseFactor(Eigen::Matrix3d(S)) : inverseFactor(S);
+  if (!factor) return false;
+  const SmallMatrix& L_inverse = *factor;
   const SmallVector white = L_inverse.lazyProduct(z.residual());
   const CoreColumns A = PHt.lazyProduct(L_inverse.transpose());
   const Eigen::VectorXd error = A.topRows(c).lazyProduct(white);
   if (!error.allFinite()) return false;
   core_.open(pose().translation(), Pc);
   core_.correct(z, L_inverse, white, A);
-  padded.noalias() -= A.lazyProduct(A.topRows(c).transpose());
+  if (has_three)
+    padded.noalias() -= A.leftCols<3>().lazyProduct(A.leftCols<3>().topRows(c).transpose());
+  else
+    padded.noalias() -= A.lazyProduct(A.topRows(c).transpose());
   const Eigen::Vector3d before = pose().translation();
   const auto reexpressed = variables_.retract(error, c, {});
   reexpress(Pc, reexpressed);
