@@ -21,13 +21,14 @@ void CompressedCore::correct(const LinearMeasurement& z, const SmallMatrix& L_in
   const CoreColumns B = HPhi_t.lazyProduct(L_inverse.transpose());
   const auto core = B.topRows(size_);
   psi_.noalias() += core.lazyProduct(white);
-  if (z.rows() == 3) { // as most have, which the compiler knows here
-    Omega_.noalias() += B.leftCols<3>().lazyProduct(core.leftCols<3>().transpose());
-    Phi_t_.noalias() -= B.leftCols<3>().lazyProduct(A.leftCols<3>().topRows(size_).transpose());
-    return;
-  }
-  Omega_.noalias() += B.lazyProduct(core.transpose());
-  Phi_t_.noalias() -= B.lazyProduct(A.topRows(size_).transpose());
+  const auto learn = [this](const auto& told, const auto& root) {
+    Omega_.noalias() += told.lazyProduct(told.topRows(size_).transpose());
+    Phi_t_.noalias() -= told.lazyProduct(root.topRows(size_).transpose());
+  };
+  if (z.rows() == 3)
+    learn(B.leftCols<3>(), A.leftCols<3>()); // as most have, which the compiler knows here
+  else
+    learn(B, A);
 }
 
 /// By the Cholesky factorisation with the largest pivot of what is left, down to what rounding leaves of

@@ -19,6 +19,25 @@ struct Block {
   FourByThree H;
 };
 
+/// Those of the first `count` measurements, stacked; other(i, term) for each term of another size.
+template <class Other>
+std::vector<Block> blocksOf(const std::vector<LinearMeasurement>& measurements, std::size_t count,
+                            const Other& other) {
+  std::vector<Block> blocks;
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const LinearMeasurement& z = measurements[i];
+    for (const LinearMeasurement::Term& term : z) {
+      if (z.rows() == 3 && term.H.cols() == 3)
+        blocks.push_back({row, term.column, FourByThree(term.H)});
+      else
+        other(i, term);
+    }
+    row += z.rows();
+  }
+  return blocks;
+}
+
 } // namespace
 
 Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
@@ -53,18 +72,10 @@ Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
         return z.rows() == 3 && z.termCount() == 1 && z.term(0).H.cols() == 3;
       });
   if (!are_direct) S_.setZero();
-  std::vector<Block> blocks; // of three by three
-  for (std::size_t i = 0; i < measurements_.size(); ++i) {
-    const LinearMeasurement& z = measurements_[i];
-    for (const LinearMeasurement::Term& term : z) {
-      if (z.rows() == 3 && term.H.cols() == 3) {
-        blocks.push_back({first_[i], term.column, FourByThree(term.H)});
-      } else {
-        S_.block(first_[i], 0, z.rows(), first_[i + 1]).noalias() +=
-            term.H * PHt_.block(term.column, 0, term.H.cols(), first_[i + 1]);
-      }
-    }
-  }
+  const auto blocks = blocksOf(measurements_, measurements_.size(), [this](std::size_t i, const auto& term) {
+    S_.block(first_[i], 0, term.H.rows(), first_[i + 1]).noalias() +=
+        term.H * PHt_.block(term.column, 0, term.H.cols(), first_[i + 1]);
+  });
   for (Eigen::Index column = 0; column < rows(); ++column) {
     for (const Block& block : blocks) {
       if (block.row + 2 < column) continue;
@@ -166,18 +177,10 @@ bool Innovation::solve() {
 
 /// Column by column, of which each is small: three rows of all columns lie far apart.
 void Innovation::applyH(const Eigen::Ref<const Eigen::MatrixXd>& X, Eigen::Ref<Eigen::MatrixXd> HX) const {
-  std::vector<Block> blocks; // of three by three
   HX.setZero();
-  for (std::size_t i = 0; i < used_; ++i) {
-    const LinearMeasurement& z = measurements_[i];
-    for (const LinearMeasurement::Term& term : z) {
-      if (z.rows() == 3 && term.H.cols() == 3) {
-        blocks.push_back({first_[i], term.column, FourByThree(term.H)});
-      } else {
-        HX.middleRows(first_[i], z.rows()).noalias() += term.H * X.middleRows(term.column, term.H.cols());
-      }
-    }
-  }
+  const auto blocks = blocksOf(measurements_, used_, [&](std::size_t i, const auto& term) {
+    HX.middleRows(first_[i], term.H.rows()).noalias() += term.H * X.middleRows(term.column, term.H.cols());
+  });
   for (Eigen::Index column = 0; column < X.cols(); ++column) {
     for (const Block& block : blocks)
       HX.col(column).segment<3>(block.row) += block.H.times(X.col(column).segment<3>(block.column));
