@@ -228,7 +228,7 @@ bool Filter::correctCore(const LinearMeasurement& z) {
   const SmallMatrix& L_inverse = *factor;
   const SmallVector white = L_inverse.lazyProduct(z.residual());
   const CoreColumns A = PHt.lazyProduct(L_inverse.transpose());
-  const Eigen::VectorXd error = A.topRows(c).lazyProduct(white);
+  const CoreVector error = A.topRows(c).lazyProduct(white);
   if (!error.allFinite()) return false;
   core_.open(pose().translation(), Pc);
   core_.correct(z, L_inverse, white, A);

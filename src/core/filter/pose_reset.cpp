@@ -17,7 +17,7 @@ void resetPose(Filter& filter, const SE3& motion, const Matrix6d& covariance) {
     const Eigen::Index row = filter.rowOf(handle);
     if (row >= filter.coreRows()) break;
     if (filter.variables().chartOf(handle) != Chart::kWorldVector) continue;
-    step.F.conservativeResizeLike(Eigen::MatrixXd::Identity(row + 3, row + 3));
+    step.F.conservativeResizeLike(CoreSquare::Identity(row + 3, row + 3));
     step.F.block<3, 3>(row, row) = turn;
     step.means.emplace_back(handle, turn * filter.variables().mean(handle));
   }

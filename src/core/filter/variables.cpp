@@ -90,7 +90,7 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
 /// blind, its length where the baseline is another) rather than the body alone (in a known map): by which of
 /// the two the points are seen to move less, as angles. The chart of one camera has to take the rest to first
 /// order. Without gravity no frame tells the way so far anything.
-bool Variables::goWithBody(const Eigen::VectorXd& error, Eigen::Index rows,
+bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                            const Eigen::Vector3d& seen_turn) const {
   double in_body = 0.0, in_world = 0.0;
   bool is_level = false;
@@ -112,7 +112,7 @@ bool Variables::goWithBody(const Eigen::VectorXd& error, Eigen::Index rows,
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
 /// of the world, where only its tilt was not known. A chart of one camera takes the rest alone, since the
 /// circles that a turn moves them on are straight in none.
-Eigen::Vector3d Variables::commonTurn(const Eigen::VectorXd& error, Eigen::Index rows,
+Eigen::Vector3d Variables::commonTurn(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                                       const Eigen::Vector3d& seen_turn) const {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -135,8 +135,8 @@ Eigen::Vector3d Variables::commonTurn(const Eigen::VectorXd& error, Eigen::Index
 
 /// With x - p = Exp(theta) (x^ - p^ + y) the error left of y is Exp(theta^) (y - y^), along the axes in which
 /// the corrected body sees the point.
-std::vector<Variables::Reexpressed> Variables::retract(const Eigen::VectorXd& error, Eigen::Index rows,
-                                                       const PointChart& chart) {
+std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Eigen::VectorXd>& error,
+                                                       Eigen::Index rows, const PointChart& chart) {
   std::vector<Reexpressed> reexpressed;
   const Eigen::Matrix3d turn = so3::Exp(error.segment<3>(3));
   const bool with_body = chart && goWithBody(error, rows, chart.seen_turn);

@@ -7,7 +7,8 @@
 namespace vi_ekf_slam {
 
 constexpr Eigen::Index kMostCoreRows = 64;
-/// Columns of a core's rows, as many as a measurement has or as the core, without memory of their own.
+/// Columns of a core's rows, one, as many as a measurement has or as the core, without memory of their own.
+using CoreVector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMostCoreRows, 1>;
 using CoreColumns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostCoreRows, 6>;
 using CoreSquare =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMostCoreRows, kMostCoreRows>;
@@ -34,8 +35,9 @@ class CompressedCore {
   void close() { open_ = false; }
 
   /// The core's errors move: the rows from `row` on become F (k x w) times the rows [row, row + w).
-  void transform(Eigen::Index row, const Eigen::MatrixXd& F) {
-    Phi_t_.middleCols(row, F.rows()) = Phi_t_.middleCols(row, F.cols()).lazyProduct(F.transpose()).eval();
+  void transform(Eigen::Index row, const CoreSquare& F) {
+    const CoreSquare moved = Phi_t_.middleCols(row, F.cols()).lazyProduct(F.transpose());
+    Phi_t_.middleCols(row, F.rows()) = moved;
   }
   /// They are corrected by a measurement with S = L L^T: L^-1, L^-1 residual, and A = P H^T L^-T, padded with
   /// zeros (r columns).

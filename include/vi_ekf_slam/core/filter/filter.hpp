@@ -18,9 +18,9 @@ namespace vi_ekf_slam {
 /// variables.
 struct CoreStep {
   Eigen::Index row = 0;
-  Eigen::MatrixXd F, Q;
+  CoreSquare F, Q;
   SE3 pose;
-  std::vector<std::pair<Handle, Eigen::VectorXd>> means;
+  std::vector<std::pair<Handle, SmallVector>> means;
 };
 
 /// An extended Kalman filter over variables of any number and size. It owns mean and joint covariance, which

@@ -109,7 +109,8 @@ class Variables {
   };
   /// Moves the variables of the first `rows` rows by their error; points as `chart` has it, where it is given
   /// and defined. What became of the errors of points and world vectors.
-  std::vector<Reexpressed> retract(const Eigen::VectorXd& error, Eigen::Index rows, const PointChart& chart);
+  std::vector<Reexpressed> retract(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
+                                   const PointChart& chart);
 
   /// Another world frame: all that is in it is at to_T_world of where it was.
   void moveWorld(const SE3& to_T_world);
@@ -120,9 +121,10 @@ class Variables {
     Eigen::Index row = 0, size = 0; ///< size 0: free
   };
 
-  Eigen::Vector3d commonTurn(const Eigen::VectorXd& error, Eigen::Index rows,
+  Eigen::Vector3d commonTurn(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                              const Eigen::Vector3d& seen_turn) const;
-  bool goWithBody(const Eigen::VectorXd& error, Eigen::Index rows, const Eigen::Vector3d& seen_turn) const;
+  bool goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
+                  const Eigen::Vector3d& seen_turn) const;
 
   SE3 pose_;
   Eigen::VectorXd mean_; ///< row by row like the errors, with room for more; the pose's rows are not used
