@@ -36,23 +36,33 @@ PathNode PoseClones::nodeOf(const Filter& filter, Stamp now) const {
   PathNode node;
   node.stamp = now;
   node.before = node.after = node.now = filter.pose();
-  node.covariance = filter.covariance().topLeftCorner<6, 6>();
+  node.covariance_soon = node.covariance = filter.covariance().topLeftCorner<6, 6>();
   node.follows = follows_;
   return node;
 }
 
 void PoseClones::append(Filter& filter, Stamp now) {
+  noteSoon(filter);
   const PathNode node = nodeOf(filter, now);
   follows_ = true;
   clones_.push_back({filter.clonePose(), node, filter.pose().rotation()});
 }
 
+/// The last clone is about to get a successor.
+void PoseClones::noteSoon(Filter& filter) {
+  if (clones_.empty()) return;
+  filter.settle();
+  Clone& last = clones_.back();
+  last.node.covariance_soon = filter.inactive().related(last.variable).estimate.covariance;
+}
+
 /// Means of a clone are its position, and how it was turned since.
-PathNode PoseClones::moved(const Clone& clone, const InactiveStore::Estimate& estimate) {
+PathNode PoseClones::moved(const Clone& clone, const InactiveStore::Estimate& estimate) const {
   const Eigen::VectorXd& mean = estimate.variable.mean;
   PathNode moved = clone.node;
   moved.now = SE3(so3::Exp(mean.tail<3>()) * clone.rotation, mean.head<3>()).normalized();
   moved.covariance = estimate.covariance;
+  if (clone.variable == clones_.back().variable) moved.covariance_soon = moved.covariance;
   return moved;
 }
 
@@ -76,11 +86,17 @@ void PoseClones::archive(const std::vector<InactiveStore::Estimate>& gone) {
 
 /// With errors (dp, theta) of both poses, about the axes of the one before:
 /// dp = R^T (dp_now - dp_before + [p_now - p_before]x theta_before), theta = R^T (theta_now - theta_before).
-std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp now, const SE3& before, Stamp last,
-                                            std::size_t landmarks) {
-  if (clones_.empty() || clones_.back().node.stamp != now) append(filter, now);
+std::optional<ClosedLoop> PoseClones::close(Filter& filter, Stamp now, const SE3& before,
+                                            const Matrix6d& covariance, Stamp last, std::size_t landmarks) {
+  const Matrix6d learned = covariance - filter.covariance().topLeftCorner<6, 6>();
+  if (clones_.empty() || clones_.back().node.stamp != now) {
+    append(filter, now);
+    // The loop has told nearly the same of the one before.
+    if (clones_.size() > 1) std::prev(clones_.end(), 2)->node.covariance_soon += learned;
+  }
   clones_.back().node.before = before;
   clones_.back().node.after = filter.pose();
+  clones_.back().node.learned = learned;
   if (clones_.size() < 2) return std::nullopt;
   const auto then =
       std::min_element(clones_.begin(), std::prev(clones_.end()), [last](const Clone& a, const Clone& b) {

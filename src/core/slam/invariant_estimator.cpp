@@ -213,11 +213,12 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
 void InvariantEstimator::closeLoops(FrameReport& report) {
   clones_.archive(map_.bound(filter_));
   const SE3 before = filter_.pose();
+  const Matrix6d covariance = filter_.covariance().topLeftCorner<6, 6>();
   const Revisit revisit = closures_.update(filter_, map_, *model_, secondsSinceFrame(*stamp_), report);
   if (report.relocalised) clones_.clear();
   loop_.reset();
   if (revisit.landmarks > 0)
-    loop_ = clones_.close(filter_, report.stamp, before, revisit.last_seen, revisit.landmarks);
+    loop_ = clones_.close(filter_, report.stamp, before, covariance, revisit.last_seen, revisit.landmarks);
 }
 
 void InvariantEstimator::loseAll() {

@@ -91,7 +91,8 @@ PathEstimate BaseFrame::path(PathEstimate of_imu) const {
   const Matrix6d turn = twice(map_T_world_.rotation());
   for (PathNode& node : of_imu.nodes) {
     const Eigen::Vector3d arm = node.now.rotation() * base_T_imu_->inverse().translation();
-    node.covariance = symmetric(turn * shifted(node.covariance, arm) * turn.transpose());
+    for (Matrix6d* P : {&node.covariance, &node.covariance_soon, &node.learned})
+      *P = symmetric(turn * shifted(*P, arm) * turn.transpose());
     for (SE3* of_node : {&node.before, &node.after, &node.now}) *of_node = pose(*of_node);
   }
   return of_imu;

@@ -6,7 +6,6 @@
 
 #include "../numeric.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
-#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam::test {
@@ -37,15 +36,16 @@ class StraightDrive {
     }
   }
 
-  /// y = x - p is seen as `seen`.
-  std::optional<ClosedLoop> close(const Eigen::Vector3d& seen) {
+  /// y = x - p is seen as `seen`, `later` than the last clone.
+  std::optional<ClosedLoop> close(const Eigen::Vector3d& seen, Stamp later = 0) {
     const SE3 before = filter_.pose();
+    const Matrix6d covariance = filter_.covariance().topLeftCorner<6, 6>();
     filter_.activate({point_});
     const Eigen::Vector3d y = filter_.variables().point(point_) - before.translation();
     LinearMeasurement z(seen - y, kPointSigma * kPointSigma * Eigen::Matrix3d::Identity());
     z.by(filter_.rowOf(point_), Eigen::Matrix3d::Identity());
     EXPECT_TRUE(filter_.correct(z));
-    return clones_.close(filter_, steps_ * kSecond, before, 0, 1);
+    return clones_.close(filter_, steps_ * kSecond + later, before, covariance, 0, 1);
   }
 
   PathEstimate path() const {
@@ -136,6 +136,30 @@ TEST(PoseClones, ALoopMovesPosesBetweenInProportionAndNoneBefore) {
   EXPECT_LE((moved - 0.5 * (by_a + by_b)).norm(), 1e-12);
   EXPECT_LE((path.nodes.back().after.translation() - path.nodes.back().now.translation()).norm(), 1e-12)
       << "where the loop was closed the pose is what was published";
+}
+
+/// Of a moment that is known as well as its motion, and of one that has noise of its own besides.
+TEST(PoseClones, ALoopLeavesTheNoiseThatAMomentDoesNotShareWithThem) {
+  for (const Stamp later : {Stamp(0), Stamp(1)}) { // with a clone of the moment that closes it, and without
+    StraightDrive drive(10);
+    const PathEstimate before = drive.path();
+    drive.close(Eigen::Vector3d(-55.0, 3.0, 0.0), later);
+    const PathEstimate path = drive.path();
+    for (const std::size_t k : {4u, 9u}) {
+      const PathNode &a = path.nodes[k], &b = path.nodes[k + 1];
+      const SE3 half(Eigen::Matrix3d::Identity(), 0.5 * (a.after.translation() + b.before.translation()));
+      const Matrix6d then = 0.5 * (before.nodes[k].covariance + before.nodes[k + 1].covariance);
+      const Matrix6d now = 0.5 * (a.covariance + b.covariance);
+      EXPECT_LT(now(0, 0), 0.8 * then(0, 0)) << "the loop tells of the path";
+      Matrix6d own = Matrix6d::Zero();
+      own.topLeftCorner<2, 2>() << 0.02, 0.01, 0.01, 0.03;
+      const Stamp middle = (a.stamp + b.stamp) / 2;
+      EXPECT_LE((path.at(middle, half, then).covariance - now).norm(), 1e-9) << k;
+      EXPECT_LE((path.at(middle, half, then + own).covariance - now - own).norm(), 1e-9) << k;
+      EXPECT_LE((path.at(middle, half, 0.5 * then).covariance - now).norm(), 1e-9)
+          << "never less than theirs";
+    }
+  }
 }
 
 TEST(PoseClones, AreMadeWhereTheAttitudeIsLearnt) {

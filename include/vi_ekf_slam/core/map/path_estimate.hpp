@@ -16,6 +16,10 @@ struct PathNode {
   SE3 before, after; ///< the estimate of then, without and with the loop that the moment's frame has closed
   SE3 now;
   Matrix6d covariance = Matrix6d::Zero(); ///< of `now`, (position, rotation) along the world's axes
+  /// What it was when the next node came, before a loop that was closed there: without what the frames after
+  /// this one told of it alone.
+  Matrix6d covariance_soon = Matrix6d::Zero();
+  Matrix6d learned = Matrix6d::Zero(); ///< by how much that loop made the covariance of the pose smaller
   /// Whether motion alone leads here from the node before; else somebody has said where the body is, or the
   /// estimate began anew.
   bool follows = true;
@@ -34,7 +38,8 @@ struct PathEstimate {
   };
 
   /// What is known now of a moment whose pose was estimated as `then` with `covariance`. Between two nodes it
-  /// keeps its motion from the one and to the other, weighted by time; before the first node nothing changes.
+  /// keeps its motion from the one and to the other, weighted by time, and of its covariance what it does not
+  /// share with them; before the first node nothing changes.
   Pose at(Stamp stamp, const SE3& then, const Matrix6d& covariance) const;
 
   std::vector<PathNode> nodes; ///< by stamp

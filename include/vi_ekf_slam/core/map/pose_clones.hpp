@@ -25,9 +25,9 @@ class PoseClones {
   void clear() { *this = PoseClones(); }
 
   /// The frame of `now` has found `landmarks` again that were seen `last` then, and the pose, which was
-  /// `before`, where it is. The loop; nothing where no clone of then is left in the filter.
-  std::optional<ClosedLoop> close(Filter& filter, Stamp now, const SE3& before, Stamp last,
-                                  std::size_t landmarks);
+  /// `before` with `covariance`, where it is. The loop; nothing where no clone of then is left in the filter.
+  std::optional<ClosedLoop> close(Filter& filter, Stamp now, const SE3& before, const Matrix6d& covariance,
+                                  Stamp last, std::size_t landmarks);
 
   /// With the pose of `now`; `inactive` are the filter's estimates.
   PathEstimate estimate(const Filter& filter, const std::vector<InactiveStore::Estimate>& inactive,
@@ -42,7 +42,8 @@ class PoseClones {
 
   PathNode nodeOf(const Filter& filter, Stamp now) const;
   void append(Filter& filter, Stamp now);
-  static PathNode moved(const Clone& clone, const InactiveStore::Estimate& estimate);
+  PathNode moved(const Clone& clone, const InactiveStore::Estimate& estimate) const;
+  void noteSoon(Filter& filter);
 
   std::deque<Clone> clones_;
   std::vector<PathNode> archive_;
