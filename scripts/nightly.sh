@@ -10,8 +10,8 @@
 # and is taken up again by the next run; an input that breaks something goes to build/fuzz/crash-*. scripts/test.sh only replays
 # the corpus (fuzz_*_test), and builds none of the targets.
 # sanitize: prints a line a test program. FILTER=PATTERN: gtest's filter. The builds stay in build/sanitize/.
-# soak: in one process, as fast as it goes. A line each hour of sensor time; broken is memory that grows by more than 5 % after
-# all that is bounded is full, a number that is none, a pose that is missing. The results stay in build/soak/.
+# soak: in one process, as fast as it goes. A line each hour of sensor time; broken is memory that grows by more than 5 % in
+# the last third, a number that is none, a pose that is missing. The results stay in build/soak/.
 #
 # Exits with 1 when something is broken.
 
