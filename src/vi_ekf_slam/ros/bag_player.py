@@ -4,6 +4,7 @@ A shell around rosbag's player: nothing is lost, because it waits for its listen
 recorder save what they have when roslaunch ends them. A bag that cannot be played ends this node with status 2.
 """
 
+import os
 import subprocess
 import time
 
@@ -36,11 +37,11 @@ class Player:
         self.listeners = [rospy.Subscriber("odometry", Odometry, self.on_odometry, queue_size=1000),
                           rospy.Subscriber("/clock", Clock, self.on_clock, queue_size=100),
                           rospy.Subscriber("~tf", TFMessage, self.on_transforms, queue_size=1000)]
-        # With --pdeathsig it does not outlive us, whatever ends us.
-        self.command = ["setpriv", "--pdeathsig", "KILL", "--", find_node("rosbag", "play")[0], "--clock",
-                        "--keep-alive", "--wait-for-subscribers", "--quiet", "--queue=0", "--rate=%s" % rate] + window + \
-            ["--topics"] + bag.played + ["--bags", bag.path, "%s:=%s" % (TRANSFORMS, rospy.resolve_name("~tf")),
-                                         "%s:=%s" % (STATIC_TRANSFORMS, rospy.resolve_name(STATIC_TRANSFORMS))]
+        self.command = ending_with(os.getpid(), [
+            find_node("rosbag", "play")[0], "--clock", "--keep-alive", "--wait-for-subscribers", "--quiet", "--queue=0",
+            "--rate=%s" % rate] + window + ["--topics"] + bag.played + [
+                "--bags", bag.path, "%s:=%s" % (TRANSFORMS, rospy.resolve_name("~tf")),
+                "%s:=%s" % (STATIC_TRANSFORMS, rospy.resolve_name(STATIC_TRANSFORMS))])
         self.process = None
 
     def __enter__(self):
@@ -83,6 +84,12 @@ class Player:
             rospy.logwarn("play_bag: the bag is over; the node has answered up to %s, the last measurement is of %s",
                           self.answered, self.goal)
         return quiet
+
+
+def ending_with(parent, command):
+    """The command as one that does not outlive `parent`, the process that starts it, whatever ends that."""
+    # What ends before setpriv has asked for the signal is not its parent any more.
+    return ["setpriv", "--pdeathsig", "KILL", "--", "sh", "-c", '[ "$PPID" = "$0" ] && exec "$@"', str(parent)] + command
 
 
 def wait_for_listener(topic, node=None):

@@ -1,0 +1,45 @@
+"""What the player's process is tied to."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from conftest import HANG_S
+from vi_ekf_slam.ros.bag_player import ending_with
+
+
+def said_by(parent):
+    done = subprocess.run(ending_with(parent, ["echo", "a b", "c"]), stdout=subprocess.PIPE, timeout=HANG_S)
+    return done.returncode, done.stdout
+
+
+def runs(pid):
+    try:
+        with open("/proc/%d/stat" % pid, encoding="ascii", errors="replace") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] not in "ZX"  # nobody may be there to wait for it
+    except OSError:
+        return False
+
+
+def test_runs_as_the_child_of_its_parent():
+    assert said_by(os.getpid()) == (0, b"a b c\n")
+
+
+def test_does_not_run_where_the_parent_has_ended_meanwhile():
+    assert said_by(os.getppid()) == (1, b"")
+
+
+def test_ends_with_its_parent():
+    start = ("import os, subprocess, sys, time; from vi_ekf_slam.ros.bag_player import ending_with;"
+             "child = subprocess.Popen(ending_with(os.getpid(), ['sleep', '1000'])); print(child.pid, flush=True); time.sleep(1000)")
+    with subprocess.Popen([sys.executable, "-c", start], stdout=subprocess.PIPE) as parent:
+        child = int(parent.stdout.readline())
+        parent.send_signal(signal.SIGKILL)
+    end = time.monotonic() + HANG_S
+    while runs(child):
+        if time.monotonic() > end:
+            os.kill(child, signal.SIGKILL)
+            raise AssertionError("the child outlives its parent")
+        time.sleep(0.05)
