@@ -249,8 +249,8 @@ bool Filter::correctCore(const LinearMeasurement& z) {
 /// P - K S K^T = P - A A^T with A = P H^T L^-T, symmetric by construction.
 bool Filter::correct(const Innovation& in, const PointChart& chart) {
   const bool turns = !inactive_.isEmpty() && in.error().segment<3>(3).norm() > kLargeTurn;
-  const std::vector<Eigen::VectorXd> inactive_before =
-      turns ? settledMeans() : std::vector<Eigen::VectorXd>();
+  const std::vector<InactiveStore::Estimate> inactive_before =
+      turns ? inactive_.estimates(false) : std::vector<InactiveStore::Estimate>();
   const std::optional<DirectUpdate> direct = DirectUpdate::make(in);
   Eigen::MatrixXd root;
   if (direct) {
@@ -268,7 +268,7 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
     subtractSquare(P(), root);
     reexpress(P(), points);
   }
-  inactive_.correct(in, direct ? &*direct : nullptr, points);
+  inactive_.correct(in, direct ? &*direct : nullptr, root, points);
   transportPose(before);
   if (turns) moveInactive(inactive_before);
   return true;

@@ -43,73 +43,47 @@ Handle Filter::clonePose() {
 void Filter::activate(const std::vector<Handle>& handles) {
   if (handles.empty()) return;
   settle();
-  inactive_.settle();
-  const auto& variables = inactive_.variables();
-  std::vector<std::size_t> index;
-  Eigen::Index k = 0;
-  for (const Handle handle : handles) {
-    std::size_t i = 0;
-    while (i < variables.size() && variables[i].handle != handle) ++i;
-    if (i == variables.size())
-      throw std::out_of_range("variable " + std::to_string(handle) + " is not inactive");
-    index.push_back(i);
-    k += variables[i].mean.size();
-  }
-  const Eigen::Index n = rows(), others = inactive_.rows();
+  const InactiveStore::Taken taken = inactive_.take(handles);
+  const Eigen::Index n = rows(), k = taken.cross.cols();
   reserve(n + k);
-  Eigen::MatrixXd E = Eigen::MatrixXd::Zero(k, 6), C(n, k), with_others(k, others);
-  Eigen::MatrixXd own(k, k);
+  Eigen::MatrixXd E = Eigen::MatrixXd::Zero(k, 6);
   Eigen::Index row = 0;
-  for (const std::size_t i : index) {
-    const Eigen::Index size = variables[i].mean.size(), from = inactive_.rowOf(i);
-    if (variables_.chartOf(variables[i].handle) == Chart::kPoint)
-      E.middleRows<3>(row) = byPose(variables[i].linearised, pose().translation());
-    C.middleCols(row, size) = inactive_.cross().middleCols(from, size);
-    with_others.middleRows(row, size) = inactive_.covariance().middleRows(from, size);
-    Eigen::Index column = 0;
-    for (const std::size_t j : index) {
-      const Eigen::Index columns = variables[j].mean.size();
-      own.block(row, column, size, columns) =
-          inactive_.covariance().block(from, inactive_.rowOf(j), size, columns);
-      column += columns;
-    }
-    row += size;
+  for (const InactiveVariable& variable : taken.variables) {
+    if (variables_.chartOf(variable.handle) == Chart::kPoint)
+      E.middleRows<3>(row) = byPose(variable.linearised, pose().translation());
+    row += variable.mean.size();
   }
-  with_others.noalias() += E * inactive_.cross().topRows<6>();
   const auto P = covariance();
-  const Eigen::MatrixXd EC = E * C.topRows<6>();
-  own += EC + EC.transpose() + E * P.topLeftCorner<6, 6>() * E.transpose();
-  const Eigen::MatrixXd cross = C.transpose() + E * P.topRows<6>();
+  const Eigen::MatrixXd EC = E * taken.cross.topRows<6>();
+  const Eigen::MatrixXd own =
+      taken.covariance + EC + EC.transpose() + E * P.topLeftCorner<6, 6>() * E.transpose();
+  const Eigen::MatrixXd cross = taken.cross.transpose() + E * P.topRows<6>();
   covariance_.block(n, 0, k, n) = cross;
   covariance_.block(0, n, n, k) = cross.transpose();
   covariance_.block(n, n, k, k) = 0.5 * (own + own.transpose());
-  for (const std::size_t i : index) variables_.restore(variables[i].handle, variables[i].mean);
-  inactive_.take(handles, with_others);
+  for (const InactiveVariable& variable : taken.variables) variables_.restore(variable.handle, variable.mean);
+  inactive_.transform([&](auto X) { X.bottomRows(k).noalias() += E * X.template topRows<6>(); });
 }
 
-std::vector<Eigen::VectorXd> Filter::settledMeans() {
-  inactive_.settle();
-  std::vector<Eigen::VectorXd> means;
-  for (const InactiveVariable& variable : inactive_.variables()) means.push_back(variable.mean);
-  return means;
-}
-
-/// A correction that turns has moved the inactive points (and clones of the pose) from `before` to first order; they are to move
-/// rigidly.
-void Filter::moveInactive(const std::vector<Eigen::VectorXd>& before) {
-  std::vector<Eigen::VectorXd> means = settledMeans();
+/// A correction that turns has moved the inactive points (and clones of the pose) from `before` to first
+/// order; they are to move rigidly.
+void Filter::moveInactive(const std::vector<InactiveStore::Estimate>& before) {
+  std::vector<SmallVector> by;
   std::vector<std::size_t> index;
   std::vector<Eigen::Vector3d> points, corrections;
-  for (std::size_t i = 0; i < means.size(); ++i) {
-    const Chart chart = variables_.chartOf(inactive_.variables()[i].handle);
+  for (const InactiveStore::Estimate& now : inactive_.estimates(false)) {
+    const SmallVector &mean = now.variable.mean, &was = before[by.size()].variable.mean;
+    by.emplace_back(SmallVector::Zero(mean.size()));
+    const Chart chart = variables_.chartOf(now.variable.handle);
     if (chart != Chart::kPoint && chart != Chart::kPose) continue;
-    index.push_back(i);
-    points.emplace_back(before[i].head<3>());
-    corrections.emplace_back(means[i].head<3>() - before[i].head<3>());
+    index.push_back(by.size() - 1);
+    points.emplace_back(was.head<3>());
+    corrections.emplace_back(mean.head<3>() - was.head<3>());
   }
   const std::vector<Eigen::Vector3d> moved = moveAsChain(points, corrections);
-  for (std::size_t k = 0; k < index.size(); ++k) means[index[k]].head<3>() = moved[k];
-  inactive_.setMeans(means);
+  for (std::size_t k = 0; k < index.size(); ++k)
+    by[index[k]].head<3>() = moved[k] - points[k] - corrections[k];
+  inactive_.move(by);
 }
 
 std::vector<Handle> Filter::marginaliseOldest(std::size_t count) {

@@ -58,7 +58,7 @@ void PoseClones::noteSoon(Filter& filter) {
 
 /// Means of a clone are its position, and how it was turned since.
 PathNode PoseClones::moved(const Clone& clone, const InactiveStore::Estimate& estimate) const {
-  const Eigen::VectorXd& mean = estimate.variable.mean;
+  const SmallVector& mean = estimate.variable.mean;
   PathNode moved = clone.node;
   moved.now = SE3(so3::Exp(mean.tail<3>()) * clone.rotation, mean.head<3>()).normalized();
   moved.covariance = estimate.covariance;

@@ -51,7 +51,14 @@ class Pair {
       const Eigen::MatrixXd noise = randomCovariance(random_, filter_.variables().sizeOf(handle), 1e-3);
       filter_.addNoise(filter_.rowOf(handle), noise);
       dense_.addNoise(handle, noise);
+    } else if (dice < 0.98) {
+      filter_.beginSettlingInactive(); // ends at some time later, or when it is needed
     } else if (dice < 0.985) {
+      filter_.endSettlingInactive();
+    } else if (dice < 0.99) {
+      filter_.settleInactive();
+      dense_.settle();
+    } else if (dice < 0.995) {
       const Eigen::MatrixXd covariance = randomCovariance(random_, 6, 0.1);
       filter_.reset(core_[0], covariance);
       dense_.reset(core_[0], covariance);

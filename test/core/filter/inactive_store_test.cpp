@@ -81,6 +81,31 @@ TEST(InactiveStoreTest, IsTheSameHoweverOftenItIsSettled) {
   EXPECT_GT(once.store().settlingCost(), 0.0);
 }
 
+TEST(InactiveStoreTest, IsTheSameWhereAThreadSettlesWhileTheDriveGoesOn) {
+  Leaving never(9), beside(9);
+  for (int i = 0; i < 60; ++i) {
+    never.frame();
+    beside.frame();
+    if (i % 20 == 10) beside.scene.filter.beginSettlingInactive();
+    if (i % 20 == 18) {
+      const std::size_t blocks = beside.store().deferredBlocks();
+      beside.scene.filter.endSettlingInactive();
+      EXPECT_LT(beside.store().deferredBlocks(), blocks);
+    }
+    if (i == 35) { // needs what the thread does
+      for (Leaving* drive : {&never, &beside})
+        drive->scene.filter.activate({drive->away[3], drive->away[30]});
+    }
+  }
+  EXPECT_GT(never.store().deferredBlocks(), beside.store().deferredBlocks());
+  beside.scene.filter.beginSettlingInactive();
+  const Filter copy = beside.scene.filter; // both have it
+  for (const Filter& filter : {copy, beside.scene.filter}) {
+    EXPECT_LT(worstCorrelationError(jointOf(filter), jointOf(never.scene.filter)), 1e-9);
+    EXPECT_LT(distance(stateOf(filter).x, stateOf(never.scene.filter).x), 1e-9);
+  }
+}
+
 TEST(InactiveStoreTest, ThoseThatAreAwayForLongestAreMarginalisedAndTheRestStaysExact) {
   for (const std::size_t count : {1u, 9u, 25u}) {
     Leaving drive(3);
@@ -161,7 +186,11 @@ TEST(InactiveStoreTest, DoesNotGrowWithTheDrive) {
 TEST(InactiveStoreTest, KnowsItsVariablesOnly) {
   Leaving drive(8);
   drive.drive(2);
-  EXPECT_THROW(drive.scene.filter.activate({drive.scene.points[0]}), std::out_of_range);
+  const std::size_t rows = static_cast<std::size_t>(drive.scene.filter.rows());
+  EXPECT_THROW(drive.scene.filter.activate({drive.away[0], drive.scene.points[0]}), std::out_of_range);
+  EXPECT_THROW(drive.scene.filter.inactive().related(0), std::out_of_range); // the pose
+  EXPECT_EQ(static_cast<std::size_t>(drive.scene.filter.rows()), rows);
+  EXPECT_EQ(drive.store().size(), 2u);
   EXPECT_THROW(drive.store().deactivatedSince(drive.scene.points[0]), std::out_of_range);
   EXPECT_THROW(drive.scene.filter.moveWorld(SE3()), std::logic_error);
 }

@@ -82,7 +82,8 @@ class Filter {
   /// A new inactive variable is the pose of now, with errors (dp, theta) along the world axes: its mean is
   /// the position, and how the pose is turned by later corrections (rad, world).
   Handle clonePose();
-  /// Brings inactive variables back, after settling all that was deferred.
+  /// Brings inactive variables back, as the last rows, in the order in which they left. Throws
+  /// std::out_of_range, and brings none, where one is not inactive.
   void activate(const std::vector<Handle>& handles);
   std::vector<Handle> marginaliseOldest(std::size_t count);
   /// Does what is deferred for the inactive variables.
@@ -90,6 +91,9 @@ class Filter {
     settle();
     inactive_.settle();
   }
+  /// The same in a thread, see InactiveStore.
+  void beginSettlingInactive() { inactive_.beginSettling(); }
+  void endSettlingInactive() { inactive_.endSettling(); }
 
   /// A core variable's mean is what it is now, and unknown but for `covariance`, as if it were new.
   void reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance);
@@ -124,8 +128,7 @@ class Filter {
   bool correctCore(const LinearMeasurement& z);
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
-  std::vector<Eigen::VectorXd> settledMeans();
-  void moveInactive(const std::vector<Eigen::VectorXd>& before);
+  void moveInactive(const std::vector<InactiveStore::Estimate>& before);
   void erase(const Variables::Gone& gone, Eigen::Index rows_before);
   void reserve(Eigen::Index rows);
 

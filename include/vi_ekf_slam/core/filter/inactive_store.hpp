@@ -3,24 +3,17 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <deque>
+#include <future>
 #include <memory>
 #include <unordered_map>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/direct_update.hpp"
+#include "vi_ekf_slam/core/filter/inactive_parts.hpp"
 #include "vi_ekf_slam/core/filter/innovation.hpp"
-#include "vi_ekf_slam/core/filter/symmetric_panels.hpp"
 #include "vi_ekf_slam/core/filter/variables.hpp"
 
 namespace vi_ekf_slam {
-
-/// A variable that takes part in no measurement for now.
-struct InactiveVariable {
-  Handle handle = 0;
-  Eigen::VectorXd mean;
-  Eigen::VectorXd
-      linearised; ///< its mean when it was made inactive: where its error was converted, and is back
-};
 
 /// The variables that take part in no measurement, exactly in the joint covariance with the active ones and
 /// with each other, at a cost per update that does not depend on how many they are: the compressed EKF
@@ -34,8 +27,15 @@ struct InactiveVariable {
 ///   P_xd = F P_x0d,   P_dd' = P_dd - P_dx0 Omega P_x0d,   d^' = d^ + P_dx0 psi,
 ///
 /// with F, Omega and psi of the size of x alone. They are kept up to date at once, for a block of the drive
-/// at a time, in which some variables leave; what blocks do to older ones waits until these are wanted
-/// (settle).
+/// at a time, in which some variables leave; what blocks do to older ones is deferred.
+///
+/// A variable that is wanted again (take) is given to all blocks since it left as one of their first errors,
+/// as if it had been active: it took part in nothing there. With C, its covariance with x0,
+///
+///   F' = [F, 0; -C^T Omega, I],   Omega' = diag(Omega, 0),   psi' = [psi; 0].
+///
+/// The others need nothing of it. What is deferred for them is settled when all are wanted (settle), or by a
+/// thread beside (beginSettling), so that there are few blocks.
 class InactiveStore {
  public:
   std::size_t size() const { return serials_.size(); }
@@ -51,8 +51,9 @@ class InactiveStore {
   void transform(const Transform& transform_rows) {
     if (!isEmpty()) transform_rows(map());
   }
-  /// They were corrected by `in`, as `direct` has it where that is given, and `points` re-expressed.
-  void correct(const Innovation& in, const DirectUpdate* direct,
+  /// They were corrected by `in`, as `direct` has it where that is given, else by `root` = P H^T L^-T, and
+  /// `points` re-expressed.
+  void correct(const Innovation& in, const DirectUpdate* direct, const Eigen::MatrixXd& root,
                const std::vector<Variables::Reexpressed>& points);
   /// A period of the compressed core ends (see Filter): Omega = Gamma Gamma^T and psi (`correction`) of its
   /// first c active errors. Before F's rows are transformed accordingly.
@@ -71,24 +72,14 @@ class InactiveStore {
            const Eigen::Ref<const Eigen::MatrixXd>& D, const Eigen::Ref<const Eigen::MatrixXd>& own,
            const Eigen::Ref<const Eigen::MatrixXd>& cross, bool ends_block = true);
 
-  /// All that was deferred, done. The cost is about n N^2 for N rows of inactive variables.
-  void settle();
-  /// What settle would cost now, floating-point operations.
-  double settlingCost() const;
-
-  // Of a settled store:
-  /// All, the one that has been inactive for the longest time first.
-  const std::vector<InactiveVariable>& variables() const { return settled_->variables; }
-  Eigen::Index rowOf(std::size_t index) const { return settled_->first[index]; }
-  Eigen::Index rows() const { return settled_->first.back(); }
-  /// Of the errors d.
-  const SymmetricPanels& covariance() const { return settled_->covariance; }
-  /// Of the active errors with d (n x N).
-  const Eigen::MatrixXd& cross() const { return settled_->cross; }
-  /// Their means are others.
-  void setMeans(const std::vector<Eigen::VectorXd>& means);
-  /// Takes some out: they are the last active rows now, `with_others` (k x N) their covariance with all d.
-  void take(const std::vector<Handle>& handles, const Eigen::MatrixXd& with_others);
+  /// Some become the last active errors: in the order in which they left, as they are now, with the
+  /// covariance of these errors d (k x k), and of the other active errors with them (n x k).
+  struct Taken {
+    std::vector<InactiveVariable> variables;
+    Eigen::MatrixXd covariance, cross;
+  };
+  /// Throws std::out_of_range, and takes none, where one is not inactive.
+  Taken take(const std::vector<Handle>& handles);
 
   /// Marginalises those that have been inactive for the longest time, `count` or a few more; the rest stays
   /// exact. Which ones.
@@ -98,9 +89,22 @@ class InactiveStore {
   /// `covariance` of their errors d (N x N) and `cross` (n x N) of the active errors with them.
   void adopt(std::vector<InactiveVariable> variables, const Eigen::MatrixXd& covariance,
              Eigen::MatrixXd cross);
+  /// The means of all, in the order of estimates(), are others by so much.
+  void move(const std::vector<SmallVector>& by);
 
-  /// All, in the order of variables(), with the means of now; and, with `exact`, the covariances of now in
-  /// the place of those when last settled, which are never smaller.
+  /// All that was deferred, done. The cost is about n N^2 for N rows of inactive variables.
+  void settle();
+  /// Does so for what is deferred now in a thread, while all goes on. endSettling, which waits for it, is for
+  /// the caller, at a moment that does not depend on the thread; marginaliseOldest and settle do it first.
+  void beginSettling();
+  void endSettling();
+  /// What settling would cost now, floating-point operations.
+  double settlingCost() const;
+  /// How many blocks wait to be settled: to take a row costs some n^2 for each.
+  std::size_t deferredBlocks() const { return blocks_.size(); }
+
+  /// All, the one that has been inactive for the longest time first, with the means of now; and, with
+  /// `exact`, the covariances of now in the place of those when last settled, which are never smaller.
   struct Estimate {
     InactiveVariable variable;
     Eigen::MatrixXd covariance;
@@ -114,43 +118,55 @@ class InactiveStore {
   Related related(Handle handle) const;
   std::vector<Handle> handles() const;
 
+  // Of a store that has been settled since anything else:
+  /// As estimates().
+  const std::vector<InactiveVariable>& variables() const { return variables_; }
+  Eigen::Index rowOf(std::size_t index) const { return settled_->first[index]; }
+  Eigen::Index rows() const { return settled_->rows(); }
+  /// Of the errors d.
+  const SymmetricPanels& covariance() const { return settled_->covariance; }
+  /// Of the active errors with d (n x N).
+  const Eigen::MatrixXd& cross() const { return cross_.first(); }
+
   std::size_t bytes() const;
 
  private:
-  /// What a part of the drive did: variables left, and the older ones learned by way of its first errors x0.
-  struct Block {
-    Eigen::Index begin = 0; ///< n0, size of x0
-    std::vector<InactiveVariable> variables;
-    std::vector<Eigen::Index> first{0};
-    Eigen::MatrixXd F;           ///< n x (n0 + k): of x0, and P_xd of those that left
-    Eigen::MatrixXd information; ///< (n0 + k) square, lower triangle: sum of (H F)^T S^-1 (H F)
-    Eigen::VectorXd correction;  ///< n0 + k: sum of (H F)^T S^-1 residual
-    Eigen::MatrixXd origin;      ///< k x n0: d in terms of x0, when it left
-    Eigen::MatrixXd own;         ///< k x k, lower triangle: covariance of d when they left
-    Eigen::Index left() const { return first.back(); }
-  };
-  struct Settled {
-    std::vector<InactiveVariable> variables;
-    std::vector<Eigen::Index> first{0};
-    SymmetricPanels covariance;
-    Eigen::MatrixXd cross;
-  };
+  using Block = inactive::Block;
+  /// The block under way; its information and correction are those of all its columns (n0 + k), its origin
+  /// and its own covariance are of when each left.
+  using OpenBlock = Block;
+  /// The pose's handle, which is never inactive: of a place among the settled ones that is empty.
+  static constexpr Handle kTaken = 0;
 
   Eigen::Ref<Eigen::MatrixXd> map() { return open_.F.topLeftCorner(rows_, columns()); }
   Eigen::Index columns() const { return open_.begin + open_.left(); }
   Estimate estimateInOpen(std::size_t i) const;
   void begin(Eigen::Index rows);
   void close();
-  Settled& ownSettled();
-  void drop(const std::vector<Handle>& handles);
+  Block closed() const;
+  /// What is being settled: the first `blocks` and what was settled, with these variables. Those that left
+  /// have a serial up to `last_serial`, unless they came back, as the ones of `taken` did, in that order.
+  struct Begun {
+    std::size_t blocks = 0;
+    std::vector<Handle> handles, taken;
+    std::uint64_t last_serial = 0;
+  };
+  Begun begun() const;
+  void accept(const inactive::Composed& composed, const Begun& begun);
+  inactive::Settled takeSettled();
+  std::vector<std::size_t> keptOfSettled() const;
   void release();
 
-  std::shared_ptr<Settled> settled_ = std::make_shared<Settled>(); ///< copied before a change while shared
-  std::deque<std::shared_ptr<const Block>> blocks_;                ///< closed ones, the first one first
-  Block open_;
+  std::vector<InactiveVariable> variables_; ///< the settled ones, block by block, those of the open one
+  std::shared_ptr<inactive::Settled> settled_ = std::make_shared<inactive::Settled>(); ///< shared by copies
+  inactive::StackedRows cross_;                     ///< of the first block's first errors with the settled
+  std::deque<std::shared_ptr<const Block>> blocks_; ///< closed ones, the first one first
+  OpenBlock open_;
   Eigen::Index rows_ = 0; ///< n, of the active errors now
   std::unordered_map<Handle, std::uint64_t> serials_;
   std::uint64_t last_serial_ = 0;
+  std::shared_future<inactive::Composed> settling_;
+  Begun begun_; ///< where that is under way
 };
 
 } // namespace vi_ekf_slam

@@ -1,0 +1,204 @@
+// What InactiveStore has deferred, done: here, or in a thread beside.
+
+#include <algorithm>
+#include <utility>
+
+#include "vi_ekf_slam/core/filter/inactive_store.hpp"
+
+namespace vi_ekf_slam {
+namespace inactive {
+namespace {
+
+/// What stays moves up, in its order.
+void keep(Settled& settled, Eigen::MatrixXd& cross, const std::vector<std::size_t>& kept) {
+  if (kept.size() == settled.count()) return;
+  std::vector<Eigen::Index> rows, first{0};
+  for (const std::size_t i : kept) {
+    for (Eigen::Index row = settled.first[i]; row < settled.first[i + 1]; ++row) rows.push_back(row);
+    first.push_back(static_cast<Eigen::Index>(rows.size()));
+  }
+  settled.first = std::move(first);
+  settled.covariance.keep(rows);
+  cross = columnsOf(cross, rows);
+}
+
+} // namespace
+
+/// Block by block from the last one: F, information and correction from the block's end to now, and `later`,
+/// the d of those that left afterwards in terms of the active errors at its end.
+Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std::size_t>& kept,
+                  const std::vector<std::shared_ptr<const Block>>& blocks) {
+  keep(settled, before, kept);
+  const Eigen::Index old = settled.rows();
+  for (const auto& block : blocks) {
+    const Eigen::Index first = settled.rows();
+    for (std::size_t i = 0; i < block->count(); ++i) settled.first.push_back(first + block->first[i + 1]);
+  }
+  const Eigen::Index all = settled.rows();
+  SymmetricPanels& P = settled.covariance;
+  P.resize(all);
+  const Block& last = *blocks.back();
+  Composed result;
+  Eigen::MatrixXd& cross = result.cross;
+  cross.resize(last.F.rows(), all);
+  result.moved = Eigen::VectorXd::Zero(all);
+  Eigen::Index first = all - last.left();
+  cross.rightCols(last.left()) = last.F.rightCols(last.left());
+  P.set(first, first, last.own);
+  Eigen::MatrixXd F = last.F.leftCols(last.begin), information = last.information, later = last.origin;
+  Eigen::VectorXd correction = last.correction;
+  for (std::size_t b = blocks.size() - 1; b-- > 0;) {
+    const Block& block = *blocks[b];
+    const Eigen::Index own = block.left(), here = first - own;
+    const auto block_F = block.F.leftCols(block.begin);
+    const auto block_cross = block.F.rightCols(own);
+    const Eigen::MatrixXd learned = block_cross.transpose() * information;
+    cross.middleCols(here, own).noalias() = F * block_cross;
+    P.set(first, here, later * block_cross);
+    P.set(here, here, block.own - learned * block_cross);
+    result.moved.segment(here, own).noalias() = block_cross.transpose() * correction;
+    Eigen::MatrixXd joined(own + later.rows(), block.begin);
+    joined.topRows(own) = block.origin;
+    joined.topRows(own).noalias() -= learned * block_F;
+    joined.bottomRows(later.rows()).noalias() = later * block_F;
+    later.swap(joined);
+    first = here;
+    F = (F * block_F).eval();
+    information = (block_F.transpose() * information * block_F).eval() + block.information;
+    correction = block.correction + block_F.transpose() * correction;
+  }
+  if (old > 0) {
+    const Eigen::MatrixXd learned = information * before;
+    P.subtractProduct(before, learned);
+    result.moved.head(old).noalias() = before.transpose() * correction;
+    cross.leftCols(old).noalias() = F * before;
+    P.setProduct(old, later, before);
+  }
+  result.settled = std::make_shared<Settled>(std::move(settled));
+  return result;
+}
+
+} // namespace inactive
+
+/// For a change; a copy where another store has it too.
+inactive::Settled InactiveStore::takeSettled() {
+  const auto held = std::exchange(settled_, nullptr);
+  if (held.use_count() > 1) return *held;
+  // The last other owner may have been in another thread: letting go of one more owner here orders what it
+  // read before what is written now (use_count() alone orders nothing).
+  { const std::shared_ptr<inactive::Settled> owner = held; }
+  return std::move(*held);
+}
+
+void InactiveStore::settle() {
+  endSettling();
+  if (isEmpty()) return;
+  close();
+  const std::vector<std::shared_ptr<const Block>> blocks(blocks_.begin(), blocks_.end());
+  Eigen::MatrixXd before = cross_.all();
+  cross_ = {};
+  const auto kept = keptOfSettled();
+  accept(inactive::composed(takeSettled(), std::move(before), kept, blocks), begun());
+  begin(rows_);
+}
+
+void InactiveStore::beginSettling() {
+  if (settling_.valid() || isEmpty()) return;
+  if (open_.left() > 0) {
+    close();
+    begin(rows_);
+  }
+  if (blocks_.empty()) return;
+  begun_ = begun();
+  settling_ =
+      std::async(std::launch::async | std::launch::deferred, [settled = settled_, cross = cross_,
+                                                              kept = keptOfSettled(),
+                                                              blocks =
+                                                                  std::vector<std::shared_ptr<const Block>>(
+                                                                      blocks_.begin(), blocks_.end())] {
+        return inactive::composed(*settled, cross.all(), kept, blocks);
+      }).share();
+}
+
+void InactiveStore::endSettling() {
+  if (!settling_.valid()) return;
+  const inactive::Composed composed = settling_.get();
+  settling_ = {};
+  accept(composed, begun_);
+}
+
+InactiveStore::Begun InactiveStore::begun() const {
+  Begun result{blocks_.size(), {}, {}, last_serial_};
+  for (auto variable = variables_.begin();
+       variable != variables_.end() - static_cast<std::ptrdiff_t>(open_.count()); ++variable) {
+    if (variable->handle != kTaken) result.handles.push_back(variable->handle);
+  }
+  return result;
+}
+
+/// In the place of the first blocks and of what was settled. One that was taken meanwhile leaves its place;
+/// its covariance with the others is that of an active error from here on, as it is in the blocks that
+/// follow.
+void InactiveStore::accept(const inactive::Composed& composed, const Begun& begun) {
+  const inactive::Settled& settled = *composed.settled;
+  std::vector<InactiveVariable> variables;
+  std::unordered_map<Handle, std::size_t> empty; // places
+  auto next = variables_.cbegin();
+  const auto skip = [&] {
+    while (next != variables_.cend() && next->handle == kTaken) ++next;
+  };
+  for (std::size_t i = 0; i < begun.handles.size(); ++i) {
+    const Handle handle = begun.handles[i];
+    const Eigen::Index size = settled.first[i + 1] - settled.first[i];
+    const auto serial = serials_.find(handle);
+    if (serial == serials_.end() || serial->second > begun.last_serial) {
+      variables.push_back({kTaken, SmallVector::Zero(size), SmallVector::Zero(size)});
+      empty.emplace(handle, i);
+      continue;
+    }
+    skip();
+    variables.push_back(*next++);
+    variables.back().mean += composed.moved.segment(settled.first[i], size);
+  }
+  for (skip(); next != variables_.cend(); ++next) variables.push_back(*next);
+  variables_ = std::move(variables);
+  settled_ = composed.settled;
+  cross_ = {};
+  cross_.push(composed.cross);
+  if (!begun.taken.empty()) {
+    Eigen::MatrixXd rows(0, settled.rows());
+    for (const Handle handle : begun.taken) {
+      const std::size_t i = empty.at(handle);
+      const Eigen::Index size = settled.first[i + 1] - settled.first[i];
+      rows.conservativeResize(rows.rows() + size, Eigen::NoChange);
+      rows.bottomRows(size) = settled.covariance.middleRows(settled.first[i], size);
+    }
+    cross_.push(std::move(rows));
+  }
+  blocks_.erase(blocks_.begin(), blocks_.begin() + static_cast<std::ptrdiff_t>(begun.blocks));
+}
+
+/// By number.
+std::vector<std::size_t> InactiveStore::keptOfSettled() const {
+  std::vector<std::size_t> kept;
+  for (std::size_t i = 0; i < settled_->count(); ++i) {
+    if (variables_[i].handle != kTaken) kept.push_back(i);
+  }
+  return kept;
+}
+
+/// Of the products in composed().
+double InactiveStore::settlingCost() const {
+  const auto size = static_cast<double>(rows_);
+  double n = static_cast<double>(open_.begin), later = static_cast<double>(open_.left()), cost = 0.0;
+  for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
+    const auto begin = static_cast<double>((*b)->begin), left = static_cast<double>((*b)->left());
+    cost += 2.0 * n * (left * (n + left + begin) + (size + later) * (left + begin) + begin * (n + begin));
+    n = begin;
+    later += left;
+  }
+  const auto old = static_cast<double>(settled_->rows());
+  return cost + n * old * (old + 2.0 * (size + later + n));
+}
+
+} // namespace vi_ekf_slam
