@@ -7,7 +7,6 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/rigid_consensus.hpp"
 #include "vi_ekf_slam/core/map/points.hpp"
-#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -20,7 +19,6 @@ constexpr std::uint64_t kViewsBefore = 3;
 constexpr std::size_t kObservations = 3; // of a landmark in view, for its place to be known
 constexpr std::size_t kMostLookUps = 12; // in a frame: with 10,000 landmarks in reach 2.5 ms
 constexpr std::size_t kLeastMatches = 5; // of a place
-constexpr std::size_t kFewExpected = 20; // landmarks of the map ahead, before more of them are
 constexpr double kShare = 0.4;           // of the matches, that agree
 constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
 constexpr double kGate2 = 11.345;        // chi-square, 3 degrees of freedom, 99 %
@@ -54,28 +52,17 @@ bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
          !landmark.reactivated && !landmark.suspect && !map.isInactive(landmark.id);
 }
 
-/// Landmarks that should come into view, and could be told by what they look like.
-std::vector<FeatureId> expectedIn(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
-  const auto active = map.indexById();
-  std::vector<FeatureId> expected;
-  for (const FeatureId id : soonInView(filter, map, model)) {
-    const Landmark& landmark = map.inactive(map.inactiveVariable(id));
-    if (!active.count(id) && !landmark.descriptors.isEmpty()) expected.push_back(id);
+/// Of those that are expected the ones that any of the looks may be, active now.
+void reactivateAlike(Filter& filter, LandmarkMap& map, const std::vector<DescriptorSet>& looks, Stamp now) {
+  std::vector<FeatureId> alike;
+  for (const FeatureId id : map.expected(now)) {
+    const DescriptorSet& known = map.inactive(map.inactiveVariable(id)).descriptors;
+    const auto is_alike = [&known](const DescriptorSet& look) {
+      return distance(look, known) <= MostAlike::kMostBits;
+    };
+    if (std::any_of(looks.begin(), looks.end(), is_alike)) alike.push_back(id);
   }
-  return expected;
-}
-
-/// Whether the vehicle is where it was before, by what is in view, and hardly anything is expected any more.
-bool follows(const LandmarkMap& map, Stamp now) {
-  const auto& active = map.active();
-  const auto is_again = [now](const Landmark& l) {
-    return l.in_map && !l.reactivated && l.last_seen == now && !l.descriptors.isEmpty();
-  };
-  const auto again = std::count_if(active.begin(), active.end(), is_again);
-  const auto expected =
-      std::count_if(active.begin(), active.end(), [](const Landmark& l) { return l.reactivated; });
-  return static_cast<std::size_t>(again) >= kLeastMatches &&
-         static_cast<std::size_t>(expected) < kFewExpected;
+  map.reactivate(filter, alike, now);
 }
 
 } // namespace
@@ -91,17 +78,24 @@ void AppearanceLoops::restart() {
 
 void AppearanceLoops::claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
                             const StereoFrame& frame, const std::vector<std::size_t>& usable) {
+  const auto tracked = map.indexById();
+  std::vector<std::size_t> features;
+  std::vector<DescriptorSet> looks;
+  for (const std::size_t feature : usable) {
+    const StereoFeatureObservation& f = frame.features[feature];
+    if (!f.descriptor || tracked.count(f.id) || map.isInactive(f.id)) continue;
+    features.push_back(feature);
+    looks.emplace_back().add(*f.descriptor);
+  }
+  reactivateAlike(filter, map, looks, frame.stamp);
   std::vector<std::size_t> expected;
   for (std::size_t i = 0; i < map.active().size(); ++i) {
     if (map.active()[i].reactivated && !map.active()[i].descriptors.isEmpty()) expected.push_back(i);
   }
   if (expected.empty()) return;
-  const auto tracked = map.indexById();
-  for (const std::size_t feature : usable) {
-    const StereoFeatureObservation& f = frame.features[feature];
-    if (!f.descriptor || tracked.count(f.id) || map.isInactive(f.id)) continue;
-    DescriptorSet look;
-    look.add(*f.descriptor);
+  for (std::size_t k = 0; k < features.size(); ++k) {
+    const StereoFeatureObservation& f = frame.features[features[k]];
+    const DescriptorSet& look = looks[k];
     const double corner = kCornerSigma * (f.pixels[0] - f.pixels[2]) / model.rig().camera.baseline; // px
     const double sigma = std::hypot(model.sigmaOf(f.sigma), corner);
     MostAlike best;
@@ -127,8 +121,7 @@ void AppearanceLoops::claim(Filter& filter, LandmarkMap& map, const StereoModel&
   }
 }
 
-Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                SettlingAllowance& allowance) {
+Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
   if (filter.inactive().isEmpty()) return {};
   if (!next_index_ || now >= *next_index_) {
     next_index_ = now + fromSeconds(kBetweenIndices);
@@ -136,36 +129,28 @@ Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, const StereoMo
   }
   if (known_.isEmpty()) return {};
   lookUp(filter, map);
-  if (!allowance.suffices() || (next_attempt_ && now < *next_attempt_)) return {};
+  if (next_attempt_ && now < *next_attempt_) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
-  if (const auto found = place(filter, map)) {
-    allowance.spend();
-    return close(*found, filter, map, model, now);
+  if (const auto found = recognise(filter, map)) {
+    const bool is_ready = settling.isReady(filter, now);
+    if (confirms(*found, filter, map) && is_ready) return close(*found, filter, map, now);
   }
-  if (!follows(map, now)) return {};
-  const std::vector<FeatureId> expected = expectedIn(filter, map, model);
-  if (!expected.empty()) allowance.spend();
-  map.reactivate(filter, expected, now);
   return {};
 }
 
-/// What is recognised and was before, some way back.
-std::optional<Recognition> AppearanceLoops::place(const Filter& filter, const LandmarkMap& map) {
-  auto found = recognise(filter, map);
-  if (!found) return std::nullopt;
+/// What is recognised was so before, some way back.
+bool AppearanceLoops::confirms(const Recognition& found, const Filter& filter, const LandmarkMap& map) {
   const auto landmarks = map.indexById();
   const Eigen::Vector3d about = filter.pose().translation();
   std::vector<Eigen::Vector3d> ways;
-  for (const auto& [is_now, was] : found->matches)
+  for (const auto& [is_now, was] : found.matches)
     ways.push_back(filter.variables().point(map.active()[landmarks.at(is_now)].variable) - about);
-  return agreement_.confirms(*found, about, kWay * centreOf(ways).norm()) ? found : std::nullopt;
+  return agreement_.confirms(found, about, kWay * centreOf(ways).norm());
 }
 
-Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map,
-                               const StereoModel& model, Stamp now) {
-  const Revisit revisit = fuseMatches(filter, map, found.matches, expectedIn(filter, map, model), now,
-                                      kLeastMatches, kCornerSigma)
-                              .revisit;
+Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map, Stamp now) {
+  agreement_.restart();
+  const Revisit revisit = fuseMatches(filter, map, found.matches, now, kLeastMatches, kCornerSigma).revisit;
   for (const auto& [is_now, was] : found.matches) look_ups_.erase(is_now);
   return revisit;
 }

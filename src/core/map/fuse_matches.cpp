@@ -19,8 +19,8 @@ Stamp medianOf(const std::vector<Stamp>& stamps, const Fusion& fusion) {
 
 } // namespace
 
-FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
-                   const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma) {
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, Stamp now,
+                         std::size_t least, double sigma) {
   const auto index = map.indexById();
   const std::size_t first = map.active().size(), pairs = matches.size();
   std::vector<FeatureId> ids;
@@ -28,12 +28,6 @@ FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matche
   for (const auto& [is_now, was] : matches) {
     ids.push_back(was);
     last_seen.push_back(map.inactive(map.inactiveVariable(was)).last_seen);
-  }
-  const auto is_matched = [&matches](FeatureId id) {
-    return std::any_of(matches.begin(), matches.end(), [id](const auto& m) { return m.second == id; });
-  };
-  for (const FeatureId id : expected) {
-    if (!is_matched(id)) ids.push_back(id);
   }
   map.reactivate(filter, ids, now);
   std::vector<Duplicate> duplicates;
@@ -43,9 +37,6 @@ FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matche
   }
   Fusion fusion = fuseDuplicates(filter, duplicates, least, sigma);
   // From behind: whoever takes a place comes from behind it.
-  for (std::size_t i = ids.size(); i-- > pairs;) {
-    if (fusion.count() == 0) map.deactivate(filter, first + i);
-  }
   for (std::size_t i = pairs; i-- > 0;) {
     if (!fusion.fused[i]) {
       map.deactivate(filter, first + i);

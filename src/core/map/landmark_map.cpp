@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::size_t kMaxArchived = 100000;     // landmarks
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
+constexpr double kExpectedTime = 10.0;           // s
 constexpr std::size_t kMostOthers = 1000;        // inactive variables that are no landmarks
 
 } // namespace
@@ -78,6 +79,21 @@ void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids, 
   }
 }
 
+void LandmarkMap::expect(std::vector<FeatureId> ids, Stamp now) {
+  expected_ = std::move(ids);
+  expected_since_ = now;
+}
+
+std::vector<FeatureId> LandmarkMap::expected(Stamp now) const {
+  std::vector<FeatureId> ids;
+  if (expected_.empty() || secondsBetween(expected_since_, now) > kExpectedTime) return ids;
+  const auto active = indexById();
+  for (const FeatureId id : expected_) {
+    if (isInactive(id) && !active.count(id)) ids.push_back(id);
+  }
+  return ids;
+}
+
 /// A batch at a time, since means must be brought up to date.
 std::vector<InactiveStore::Estimate> LandmarkMap::bound(Filter& filter, bool all) {
   const std::size_t held = filter.inactive().size(), landmarks = inactive_.size();
@@ -106,6 +122,7 @@ void LandmarkMap::adopt(Filter& filter, const SavedMap& map, Eigen::MatrixXd cov
                         Eigen::MatrixXd cross, bool renumbered) {
   inactive_.clear();
   inactive_by_id_.clear();
+  expected_.clear();
   std::vector<Eigen::Vector3d> positions;
   for (const SavedLandmark& landmark : map.landmarks) positions.push_back(landmark.position);
   const std::vector<Handle> handles = filter.adopt(positions, std::move(covariance), std::move(cross));
@@ -122,6 +139,7 @@ void LandmarkMap::clear() {
   active_.clear();
   inactive_.clear();
   inactive_by_id_.clear();
+  expected_.clear();
 }
 
 void LandmarkMap::archiveAll(const Filter& filter) {

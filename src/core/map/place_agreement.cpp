@@ -36,9 +36,7 @@ bool PlaceAgreement::confirms(const Recognition& found, const Eigen::Vector3d& a
     });
   };
   const auto others = std::count_if(found.matches.begin(), found.matches.end(), is_new);
-  if (driven < way || agreed_ < attempts_ || static_cast<std::size_t>(others) < least_) return false;
-  first_.reset();
-  return true;
+  return driven >= way && agreed_ >= attempts_ && static_cast<std::size_t>(others) >= least_;
 }
 
 } // namespace vi_ekf_slam

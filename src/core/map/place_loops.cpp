@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/map/duplicates.hpp"
@@ -24,9 +25,9 @@ constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner f
 
 PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
 
-Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, SettlingAllowance& allowance) {
-  if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore || !allowance.suffices())
-    return {};
+Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
+  if (!confirmed_.empty()) return settling.isReady(filter, now) ? close(filter, map, now) : Revisit();
+  if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore) return {};
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.keptOfView();
   const Eigen::Vector3d about = filter.pose().translation();
@@ -51,13 +52,26 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
   }
   const auto recognition = recognisePlace(seen_now, seen_before, about, covariance);
   if (!recognition) return {};
+  settling.isReady(filter, now); // or will be when the place is confirmed
   if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
+  agreement_.restart();
+  confirmed_ = recognition->matches;
+  return settling.isReady(filter, now) ? close(filter, map, now) : Revisit();
+}
 
-  allowance.spend();
+/// What was confirmed, as far as it is still in the map.
+Revisit PlaceLoops::close(Filter& filter, LandmarkMap& map, Stamp now) {
+  Matches matches = std::exchange(confirmed_, {});
+  const auto active = map.indexById();
+  const auto is_gone = [&](FeatureId id) { return !map.isInactive(id) && !active.count(id); };
+  matches.erase(std::remove_if(matches.begin(), matches.end(),
+                               [&](const auto& m) { return is_gone(m.first) || !map.isInactive(m.second); }),
+                matches.end());
+  if (matches.size() < kLeastAgreeing) return {};
   std::vector<FeatureId> ids;
-  const FeatureId middle = recognition->matches[recognition->matches.size() / 2].second;
+  const FeatureId middle = matches[matches.size() / 2].second;
   const Stamp last_seen = map.inactive(map.inactiveVariable(middle)).last_seen;
-  for (const auto& [is_now, was] : recognition->matches) {
+  for (const auto& [is_now, was] : matches) {
     if (map.isInactive(is_now)) ids.push_back(is_now);
     ids.push_back(was);
   }
@@ -65,7 +79,7 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
   map.reactivate(filter, ids, now);
   const auto index = map.indexById();
   std::vector<Duplicate> pairs;
-  for (const auto& [is_now, was] : recognition->matches)
+  for (const auto& [is_now, was] : matches)
     pairs.push_back({map.active()[index.at(is_now)].variable, map.active()[index.at(was)].variable});
   const Fusion fusion = fuseDuplicates(filter, pairs, kLeastAgreeing, kNearPoint);
   for (std::size_t i = map.active().size(); i-- > first;) map.deactivate(filter, i);

@@ -197,14 +197,13 @@ Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map)
   known_ = AppearanceIndex(std::move(known));
 }
 
-bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
-                         const StereoModel& model, Stamp now) {
+bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning, Stamp now) {
   if (next_attempt_ && now < *next_attempt_) return false;
   next_attempt_ = now + fromSeconds(kBetweenTries);
   std::optional<Place> place = find(filter, landmarks, candidatesById(landmarks), kShareOfMatches);
   if (!place) place = findByLooks(filter, landmarks);
   if (!place) return false;
-  if (moveTo(*place, filter, landmarks, returning, model, now)) return true;
+  if (moveTo(*place, filter, landmarks, returning, now)) return true;
   next_attempt_ = now + fromSeconds(kBetweenFailures);
   return false;
 }
@@ -256,7 +255,9 @@ std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,
   }
   const Eigen::Vector3d about = filter.pose().translation();
   const double distance = (centreOf(there) - place->map_T_session * about).norm();
-  return agreement_.confirms(recognition, about, kWay * distance) ? place : std::nullopt;
+  if (!agreement_.confirms(recognition, about, kWay * distance)) return std::nullopt;
+  agreement_.restart();
+  return place;
 }
 
 std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const LandmarkMap& landmarks,
@@ -326,7 +327,7 @@ bool Relocaliser::placeAt(const SE3& pose, const Matrix6d& covariance, Filter& f
 
 /// The vehicle's landmarks of these matches are fused with the map's, which tells where it is there.
 bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
-                         ReturningLandmarks& returning, const StereoModel& model, Stamp now) const {
+                         ReturningLandmarks& returning, Stamp now) const {
   Filter moved = filter;
   LandmarkMap map = landmarks;
   ReturningLandmarks returning_there = returning;
@@ -343,11 +344,11 @@ bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landma
   if (place.by_id) {
     std::vector<FeatureId> ids;
     for (const auto& [id, known] : place.matches) ids.push_back(id);
-    fused = returning_there.fuse(moved, map, model, now, ids, kLeastFused).landmarks;
+    fused = returning_there.fuse(moved, map, now, ids, kLeastFused).landmarks;
   } else {
     Matches matches;
     for (const auto& [id, known] : place.matches) matches.emplace_back(id, LandmarkMap::kRenumbered + known);
-    fused = fuseMatches(moved, map, matches, {}, now, kLeastFused, kCornerSigma).revisit.landmarks;
+    fused = fuseMatches(moved, map, matches, now, kLeastFused, kCornerSigma).revisit.landmarks;
   }
   if (fused < kLeastFused || !isValid(moved, true)) return false;
   moveArchive(map_T_session, filter, moved, map);

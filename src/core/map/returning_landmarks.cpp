@@ -1,6 +1,8 @@
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 
 #include <algorithm>
+#include <iterator>
+#include <utility>
 
 namespace vi_ekf_slam {
 namespace {
@@ -14,10 +16,9 @@ constexpr double kDistanceSigma = 0.1; // of the distance
 // They must agree with each other, so that wrong ids do no harm.
 constexpr std::size_t kLeast = 3, kMost = 100;
 constexpr double kSamePoint = 1e-3; // m, how far apart a landmark may be from itself: rounding
-// Landmarks of the map that are made active because they should come into view.
-constexpr std::size_t kMostExpected = 60;
+// Landmarks of the map that should come into view.
 constexpr double kExpectedDistance = 50.0; // m
-constexpr double kExpectedTime = 10.0;     // s without an observation
+constexpr double kBetweenLooksAhead = 1.0; // s
 
 bool isLocated(const Filter& filter, const Landmark& landmark) {
   const Eigen::Vector3d way = filter.variables().point(landmark.variable) - filter.pose().translation();
@@ -33,29 +34,35 @@ bool isLongOutOfView(const Filter& filter, const LandmarkMap& map, FeatureId ina
 
 } // namespace
 
-std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model) {
+void lookAhead(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, Settling& settling) {
+  if (secondsBetween(map.expectedSince(), now) < kBetweenLooksAhead) return;
+  const auto is_known = [now](const Landmark& l) { return l.in_map && l.last_seen == now; };
+  const auto known = std::count_if(map.active().begin(), map.active().end(), is_known);
+  if (static_cast<std::size_t>(known) < kLeast) return;
   const SE3 cam_T_world = model.camTWorld(filter);
-  std::vector<std::pair<double, FeatureId>> near;
+  std::vector<FeatureId> ids;
   map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
     const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(l.estimate.variable.mean);
     if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, l.landmark.id))
-      near.emplace_back(q.norm(), l.landmark.id);
+      ids.push_back(l.landmark.id);
   });
-  std::sort(near.begin(), near.end());
-  near.resize(std::min(near.size(), kMostExpected));
-  std::vector<FeatureId> ids;
-  for (const auto& [distance, id] : near) ids.push_back(id);
-  return ids;
+  if (!ids.empty()) settling.isReady(filter, now);
+  map.expect(std::move(ids), now);
 }
 
-bool ReturningLandmarks::isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model,
-                                    Stamp now) {
-  return landmark.reactivated && secondsBetween(landmark.last_seen, now) < kExpectedTime &&
-         (model.camTWorld(filter) * filter.variables().point(landmark.variable)).z() > 0.0;
+void ReturningLandmarks::recognise(Filter& filter, LandmarkMap& map, const StereoFrame& frame,
+                                   const std::vector<std::size_t>& usable) {
+  const std::vector<FeatureId> expected = map.expected(frame.stamp);
+  if (expected.empty()) return;
+  std::unordered_set<FeatureId> in_view;
+  for (const std::size_t feature : usable) in_view.insert(frame.features[feature].id);
+  std::vector<FeatureId> again;
+  std::copy_if(expected.begin(), expected.end(), std::back_inserter(again),
+               [&in_view](FeatureId id) { return in_view.count(id) != 0; });
+  map.reactivate(filter, again, frame.stamp);
 }
 
-Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                                   SettlingAllowance& allowance) {
+Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
   if (filter.inactive().isEmpty()) return {};
   std::vector<FeatureId> ids;
   std::unordered_set<FeatureId> in_view;
@@ -67,21 +74,15 @@ Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, const Stere
       ids.push_back(landmark.id);
   }
   elsewhere_.swap(in_view);
-  if (ids.size() < kLeast || !allowance.suffices()) return {};
-  allowance.spend();
-  return fuse(filter, map, model, now, ids, kLeast);
+  if (ids.size() < kLeast || !settling.isReady(filter, now)) return {};
+  return fuse(filter, map, now, ids, kLeast);
 }
 
-Revisit ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
+Revisit ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, Stamp now,
                                  const std::vector<FeatureId>& ids, std::size_t least) {
-  const auto index = map.indexById();
   Matches matches;
   for (const FeatureId id : ids) matches.emplace_back(id, id);
-  std::vector<FeatureId> expected;
-  for (const FeatureId id : soonInView(filter, map, model)) {
-    if (!index.count(id)) expected.push_back(id);
-  }
-  const auto [fusion, revisit] = fuseMatches(filter, map, matches, expected, now, least, kSamePoint);
+  const auto [fusion, revisit] = fuseMatches(filter, map, matches, now, least, kSamePoint);
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (!fusion.fused[i]) elsewhere_.insert(ids[i]);
   }

@@ -32,7 +32,7 @@ constexpr double kStartVelocity = 1.0; // m/s
 constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 // What a hand carries through a room sees the same view every few seconds: closures that cost less suffice.
 constexpr std::size_t kKeptOneIn = 4;
-constexpr double kClosureOperations = 5e8;
+constexpr double kClosureOperations = 1.25e9;
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {

@@ -214,7 +214,7 @@ void InvariantEstimator::closeLoops(FrameReport& report) {
   clones_.archive(map_.bound(filter_));
   const SE3 before = filter_.pose();
   const Matrix6d covariance = filter_.covariance().topLeftCorner<6, 6>();
-  const Revisit revisit = closures_.update(filter_, map_, *model_, secondsSinceFrame(*stamp_), report);
+  const Revisit revisit = closures_.update(filter_, map_, *model_, report);
   if (report.relocalised) clones_.clear();
   loop_.reset();
   if (revisit.landmarks > 0)
@@ -242,8 +242,6 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
     }
     if (tracks[landmark] == Track::kRejected) tracks_.reject(filter_, *model_, frame, feature);
   }
-  std::unordered_set<FeatureId> begins_anew;
-  for (const std::size_t feature : seen.unknown) begins_anew.insert(frame.features[feature].id);
   for (std::size_t i = tracks.size(); i-- > 0;) {
     Landmark& landmark = map_.active(i);
     if (tracks[i] == Track::kUsed) {
@@ -254,10 +252,6 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
       continue;
     }
     if (tracks[i] == Track::kMissed) continue;
-    const bool expected = tracks[i] == Track::kLost && !begins_anew.count(landmark.id) &&
-                          !tracks_.isRejected(landmark.id) &&
-                          ReturningLandmarks::isExpected(landmark, filter_, *model_, frame.stamp);
-    if (expected) continue;
     ++report.removed;
     if (tracks[i] == Track::kRejected)
       map_.discard(filter_, i);

@@ -20,7 +20,7 @@ struct Expected {
     landmark.descriptors.add(look);
     map.add(landmark);
     map.deactivate(filter, 0);
-    map.reactivate(filter, {7}, 1);
+    map.expect({7}, 1);
   }
 
   /// A new track of the same look, `offset` (m, world) from it; the id of the landmark then.

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "../filter/states.hpp"
+#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
 namespace vi_ekf_slam::test {
@@ -101,6 +102,32 @@ TEST(LandmarkMapTest, ReactivatesInTheOrderThatIsAskedFor) {
     EXPECT_LT(distance(after[i].position, before[i].position), 1e-12);
     EXPECT_LT(distance(after[i].covariance, before[i].covariance), 1e-11);
   }
+}
+
+TEST(LandmarkMapTest, ExpectsWhatIsInactiveForTenSeconds) {
+  Mapped mapped(6, 5, keeping(MapKeep::kGood));
+  for (const FeatureId id : {100, 101, 102}) mapped.leave(id);
+  mapped.map.expect({101, 103, 100}, fromSeconds(50.0));
+  using Ids = std::vector<FeatureId>;
+  EXPECT_EQ(mapped.map.expected(fromSeconds(60.0)), (Ids{101, 100})) << "103 is active";
+  EXPECT_EQ(mapped.map.expected(fromSeconds(60.1)), Ids());
+  mapped.map.clear();
+  EXPECT_EQ(mapped.map.expected(fromSeconds(50.0)), Ids());
+}
+
+TEST(LandmarkMapTest, MakesActiveWhatIsExpectedAndComesIntoView) {
+  Mapped mapped(7, 5, keeping(MapKeep::kGood));
+  for (const FeatureId id : {100, 101, 102}) mapped.leave(id);
+  mapped.map.expect({101, 100}, fromSeconds(50.0));
+  StereoFrame frame{fromSeconds(50.1), {}, 0.0};
+  for (const FeatureId id : {100, 101, 102, 103}) frame.features.push_back({id, StereoPixels::Zero()});
+  ReturningLandmarks::recognise(mapped.scene.filter, mapped.map, frame, {0, 2, 3}); // 101 is of no use
+  EXPECT_FALSE(mapped.map.isInactive(100));
+  EXPECT_TRUE(mapped.map.isInactive(101));
+  EXPECT_TRUE(mapped.map.isInactive(102)) << "is in view, but not expected";
+  EXPECT_EQ(mapped.map.active().back().id, 100u);
+  EXPECT_TRUE(mapped.map.active().back().reactivated);
+  EXPECT_EQ(mapped.map.active().back().last_seen, frame.stamp);
 }
 
 TEST(LandmarkMapTest, IsBoundedByItsOldest) {

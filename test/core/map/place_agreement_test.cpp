@@ -22,7 +22,9 @@ TEST(PlaceAgreement, WantsAnotherAttemptByOtherPointsFromElsewhere) {
   EXPECT_FALSE(agreement.confirms(place(2.0, 10), kHere, 5.0));     // from the same place
   EXPECT_FALSE(agreement.confirms(place(2.0, 5), kFartherOn, 5.0)); // by the same points
   EXPECT_TRUE(agreement.confirms(place(2.3, 10), kFartherOn, 5.0));
-  EXPECT_FALSE(agreement.confirms(place(2.3, 20), kFartherOn, 5.0)); // all begins anew
+  EXPECT_TRUE(agreement.confirms(place(2.3, 20), kFartherOn, 5.0)); // as often as it is asked
+  agreement.restart();
+  EXPECT_FALSE(agreement.confirms(place(2.3, 20), kFartherOn, 5.0));
 }
 
 TEST(PlaceAgreement, WantsAsManyAttemptsAsItIsToldTo) {

@@ -161,20 +161,21 @@ TEST(Resume, IsAsUnsureAfterAGapAsTheMotionMakesIt) {
   EXPECT_GT(position, std::pow(config.motion.twist_density[0], 2) * 125.0 / 3.0);
 }
 
-// What was made active because it should come into view, and did not, has slid with no track.
-TEST(Resume, GivesBackWhatWasReactivatedInVainAsItWas) {
+// What should come into view, and does not, stays inactive and slides with no track.
+TEST(Resume, LeavesWhatIsNotSeenAgainAsItWas) {
   Road road(6, 60, kTypical);
   const auto map = savedOf(driven(road, 60));
   InvariantEstimator resumed = withRig();
   resumed.resumeFrom(map, "map", 30.0);
   std::set<FeatureId> seen;
-  std::size_t reactivated = 0;
+  std::size_t revisited = 0;
   for (int i = 0; i < 120; ++i) {
     for (const StereoFeatureObservation& feature : road.frame().features) seen.insert(feature.id);
     const FrameReport report = road.feed(resumed);
-    reactivated = std::max(reactivated, report.landmarks - std::min(report.landmarks, report.features));
+    revisited += report.revisited;
+    EXPECT_LE(report.landmarks, report.features) << i;
   }
-  EXPECT_GT(reactivated, 0U);
+  EXPECT_GT(revisited, 5u);
   std::set<FeatureId> saved;
   const auto later = savedOf(resumed);
   for (const SavedLandmark& l : later->landmarks) saved.insert(l.id);
@@ -238,35 +239,6 @@ TEST(Resume, IsARelocalisationWhereTheSavedMapIsTooOld) {
     EXPECT_EQ(late.mapUse(), MapUse::kWaiting);
     EXPECT_LT(distance(late.state().world_T_imu.matrix(), SE3().matrix()), 1e-12);
   }
-}
-
-/// How long (s) what was made active because it should come into view stays so, where it does not come: the
-/// car has gone round, stopped, was saved, and stands before what it saw at the start.
-double timeInVain(double rate) {
-  Road road(6, 60, kTypical);
-  road.setRates(rate, static_cast<int>(std::lround(30.0 / rate)));
-  InvariantEstimator estimator = driven(road, static_cast<int>(38.0 * rate));
-  const Vector6d twist = road.twist();
-  const int braking = static_cast<int>(4.0 * rate);
-  for (int i = 1; i <= 2 * braking; ++i) {
-    road.setTwist(std::max(0.0, 1.0 - static_cast<double>(i) / braking) * twist);
-    road.feed(estimator);
-  }
-  const auto map = savedOf(estimator);
-  InvariantEstimator resumed = withRig();
-  resumed.resumeFrom(map, "map", 30.0);
-  std::optional<Stamp> since;
-  for (int i = 0; i < static_cast<int>(20.0 * rate); ++i) {
-    const FrameReport report = road.feed(resumed);
-    const bool in_vain = report.landmarks > report.features;
-    if (in_vain && !since) since = report.stamp;
-    if (since && !in_vain) return secondsBetween(*since, report.stamp);
-  }
-  return 0.0;
-}
-
-TEST(Resume, WaitsTenSecondsForWhatWasReactivatedInVainAtAnyRateOfTheFrames) {
-  for (const double rate : {5.0, 10.0, 30.0}) EXPECT_NEAR(timeInVain(rate), 10.0, 0.25) << rate;
 }
 
 /// Ids of a drive's landmarks by how often and for how long they were tracked.

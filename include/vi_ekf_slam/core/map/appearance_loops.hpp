@@ -6,7 +6,7 @@
 #include "vi_ekf_slam/core/map/appearance_index.hpp"
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
-#include "vi_ekf_slam/core/map/settling_allowance.hpp"
+#include "vi_ekf_slam/core/map/settling.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
@@ -14,8 +14,8 @@ namespace vi_ekf_slam {
 /// Closes loops where ids do not return and landmarks have descriptors. A landmark in view is looked up among
 /// those long out of view that the pose's covariance allows. Matches that fit one rigid motion are a place;
 /// what several frames say, some way apart and by different landmarks, is fused, where the filter's own
-/// covariance agrees. The landmarks ahead are expected then, and recognised at their first sight. The work of
-/// a frame is bounded by counts, so that the result does not depend on timing.
+/// covariance agrees. The landmarks that are expected then are recognised at first sight. The work of a frame
+/// is bounded by counts, so that the result does not depend on timing.
 class AppearanceLoops {
  public:
   AppearanceLoops();
@@ -26,8 +26,7 @@ class AppearanceLoops {
                     const StereoFrame& frame, const std::vector<std::size_t>& usable);
 
   /// After a frame. Landmarks that were found to be ones that were seen before, by being compared.
-  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                 SettlingAllowance& allowance);
+  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
   void restart();
 
  private:
@@ -37,9 +36,8 @@ class AppearanceLoops {
     std::optional<FeatureId> before;
   };
 
-  std::optional<Recognition> place(const Filter& filter, const LandmarkMap& map);
-  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map, const StereoModel& model,
-                Stamp now);
+  bool confirms(const Recognition& found, const Filter& filter, const LandmarkMap& map);
+  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map, Stamp now);
   void index(const Filter& filter, const LandmarkMap& map);
   void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;

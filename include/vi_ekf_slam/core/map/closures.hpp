@@ -9,7 +9,7 @@
 #include "vi_ekf_slam/core/map/place_recognition.hpp"
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
-#include "vi_ekf_slam/core/map/settling_allowance.hpp"
+#include "vi_ekf_slam/core/map/settling.hpp"
 
 namespace vi_ekf_slam {
 
@@ -17,16 +17,15 @@ namespace vi_ekf_slam {
 /// that are recognised, and a saved map.
 class Closures {
  public:
-  /// `operations_per_second`: see SettlingAllowance.
+  /// `operations_per_second`: see Settling.
   Closures(PlaceRecognition recognition, double operations_per_second)
-      : recognition_(recognition), allowance_(operations_per_second) {}
+      : recognition_(recognition), settling_(operations_per_second) {}
 
-  /// After the frame of the report; `seconds` have passed since the last one. What the loop says that it has
-  /// closed, if any: of several the one of the most landmarks.
-  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, double seconds,
-                 FrameReport& report) {
-    if (!filter.inactive().isEmpty()) allowance_.earn(seconds, filter.inactive().settlingCost());
-    Revisit revisit = returning_.update(filter, map, model, report.stamp, allowance_);
+  /// After the frame of the report. What the loop says that it has closed, if any: of several the one of the
+  /// most landmarks.
+  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, FrameReport& report) {
+    settling_.advance(filter, report.stamp);
+    Revisit revisit = returning_.update(filter, map, report.stamp, settling_);
     report.revisited += revisit.landmarks;
     const auto recognised = [&](const Revisit& place) {
       report.place_recognised |= place.landmarks > 0;
@@ -34,10 +33,11 @@ class Closures {
       return place.landmarks;
     };
     if (recognition_ != PlaceRecognition::kNone)
-      report.revisited += recognised(by_appearance_.update(filter, map, model, report.stamp, allowance_));
+      report.revisited += recognised(by_appearance_.update(filter, map, report.stamp, settling_));
     if (recognition_ == PlaceRecognition::kConstellation)
-      recognised(by_constellation_.update(filter, map, report.stamp, allowance_));
-    report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, model, report.stamp);
+      recognised(by_constellation_.update(filter, map, report.stamp, settling_));
+    lookAhead(filter, map, model, report.stamp, settling_);
+    report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, report.stamp);
     if (!report.relocalised) return revisit;
     by_appearance_.restart();
     relocaliser_.reset();
@@ -46,7 +46,8 @@ class Closures {
   }
   /// Before the frame's features are associated.
   void expect(Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
-              const std::vector<std::size_t>& usable) const {
+              const std::vector<std::size_t>& usable) {
+    ReturningLandmarks::recognise(filter, map, frame, usable);
     if (recognition_ != PlaceRecognition::kNone) AppearanceLoops::claim(filter, map, model, frame, usable);
   }
   void restart() {
@@ -83,7 +84,7 @@ class Closures {
 
  private:
   PlaceRecognition recognition_;
-  SettlingAllowance allowance_;
+  Settling settling_;
   ReturningLandmarks returning_;
   AppearanceLoops by_appearance_;
   PlaceLoops by_constellation_;

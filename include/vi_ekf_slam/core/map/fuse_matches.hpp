@@ -21,14 +21,14 @@ struct Revisit {
   Stamp last_seen = 0; ///< before: the median of those that were fused
 };
 
-/// Reactivates the inactive ones, and those of `expected`, and fuses each pair where at least `least` agree
-/// (fuseDuplicates, within `sigma` m). Of a pair that is fused the active one stays, with what both were; all
-/// others are inactive again, and those of `expected` too where nothing was fused. What became of each pair.
+/// Reactivates the inactive ones, and fuses each pair where at least `least` agree (fuseDuplicates, within
+/// `sigma` m). Of a pair that is fused the active one stays, with what both were; all others are inactive
+/// again. What became of each pair.
 struct FusedMatches {
   Fusion fusion; ///< pair by pair
   Revisit revisit;
 };
-FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches,
-                         const std::vector<FeatureId>& expected, Stamp now, std::size_t least, double sigma);
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, Stamp now,
+                         std::size_t least, double sigma);
 
 } // namespace vi_ekf_slam

@@ -18,7 +18,7 @@ struct Landmark {
   std::size_t observations = 1; ///< that corrected the state, the first one included
   Stamp first_seen = 0;
   Stamp last_seen = 0;            ///< in a frame that was used, or reactivated
-  bool reactivated = false;       ///< from an earlier time, not in view yet
+  bool reactivated = false;       ///< from an earlier time, not in a frame that was used since
   bool in_map = false;            ///< has been kept before
   bool suspect = false;           ///< its track has contradicted the static world: not for the map
   bool missed = false;            ///< its last measurement was left out
@@ -74,6 +74,11 @@ class LandmarkMap {
   void deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
   /// Inactive landmarks are the last active ones, in this order.
   void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
+  /// Inactive ones that should come into view within some seconds, in the place of those before.
+  void expect(std::vector<FeatureId> ids, Stamp now);
+  /// Those of them that are inactive still, and whose id no active one has.
+  std::vector<FeatureId> expected(Stamp now) const;
+  Stamp expectedSince() const { return expected_since_; }
   /// Marginalises what has been inactive for the longest time, where there is too much; `all`: all. The last
   /// estimates of what was not a landmark.
   std::vector<InactiveStore::Estimate> bound(Filter& filter, bool all = false);
@@ -120,6 +125,8 @@ class LandmarkMap {
   std::vector<Landmark> active_;
   std::unordered_map<Handle, Landmark> inactive_;
   std::unordered_map<FeatureId, Handle> inactive_by_id_;
+  std::vector<FeatureId> expected_;
+  Stamp expected_since_ = 0;
   Archive archive_;
 };
 

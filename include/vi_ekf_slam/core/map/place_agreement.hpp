@@ -13,9 +13,9 @@ class PlaceAgreement {
   PlaceAgreement(int attempts, std::size_t least) : attempts_(attempts), least_(least) {}
 
   /// Whether `found`, from the vehicle's position `about` (world, m), confirms what was found before, at
-  /// least `way` m before. If so all begins anew.
+  /// least `way` m before. Until all begins anew another one may.
   bool confirms(const Recognition& found, const Eigen::Vector3d& about, double way);
-  /// The world is another one.
+  /// What was confirmed is made use of, or the world is another one.
   void restart() { first_.reset(); }
 
  private:

@@ -4,7 +4,7 @@
 
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
-#include "vi_ekf_slam/core/map/settling_allowance.hpp"
+#include "vi_ekf_slam/core/map/settling.hpp"
 
 namespace vi_ekf_slam {
 
@@ -16,10 +16,13 @@ class PlaceLoops {
  public:
   PlaceLoops();
   /// After a frame. Landmarks of the place that was recognised.
-  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, SettlingAllowance& allowance);
+  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
 
  private:
+  Revisit close(Filter& filter, LandmarkMap& map, Stamp now);
+
   PlaceAgreement agreement_;
+  Matches confirmed_; ///< waits until a loop may be closed
   std::optional<Stamp> next_attempt_;
 };
 

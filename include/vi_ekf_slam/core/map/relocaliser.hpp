@@ -22,8 +22,7 @@ class Relocaliser {
   explicit Relocaliser(std::shared_ptr<const SavedMap> map);
 
   /// Whether the place was found: everything is in the map's frame then.
-  bool update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning, const StereoModel& model,
-              Stamp now);
+  bool update(Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning, Stamp now);
 
   /// The vehicle is at `pose` in the map, known to `covariance` (6x6 of dp and theta): all is moved there.
   /// False, and nothing changes, where the filter would not be valid.
@@ -49,7 +48,7 @@ class Relocaliser {
   std::optional<Place> findByLooks(const Filter& filter, const LandmarkMap& landmarks);
   void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks, bool renumbered = false) const;
   bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
-              const StereoModel& model, Stamp now) const;
+              Stamp now) const;
 
   std::shared_ptr<const SavedMap> map_;
   std::unordered_map<FeatureId, std::size_t> index_; ///< of its landmarks, by id

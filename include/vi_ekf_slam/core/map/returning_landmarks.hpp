@@ -4,30 +4,29 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
-#include "vi_ekf_slam/core/map/settling_allowance.hpp"
+#include "vi_ekf_slam/core/map/settling.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
 
-/// Inactive landmarks before the camera, the nearest first, that have been out of view for some time: those
-/// that should come into view next.
-std::vector<FeatureId> soonInView(const Filter& filter, const LandmarkMap& map, const StereoModel& model);
+/// After a frame: where landmarks of the map are in view, those before the camera that have been out of view
+/// for some time are expected from now on, the nearest ones. Once a second.
+void lookAhead(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, Settling& settling);
 
-/// Closes loops where ids return. Such a landmark begins as a new one. When some have been seen often enough,
-/// and settling the inactive ones has been saved up for, they are fused with what was seen of them before;
-/// and what should come into view next is made active, to be recognised at once.
+/// Closes loops where ids return. Such a landmark begins as a new one. When some have been seen often enough
+/// they are fused with what was seen of them before. Those that are expected are recognised at first sight.
 class ReturningLandmarks {
  public:
   /// After a frame. Those that were fused.
-  Revisit update(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-                 SettlingAllowance& allowance);
+  Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
 
   /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree.
-  Revisit fuse(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now,
-               const std::vector<FeatureId>& ids, std::size_t least);
+  Revisit fuse(Filter& filter, LandmarkMap& map, Stamp now, const std::vector<FeatureId>& ids,
+               std::size_t least);
 
-  /// Whether a reactivated landmark that is not in view is still expected there.
-  static bool isExpected(const Landmark& landmark, const Filter& filter, const StereoModel& model, Stamp now);
+  /// Before a frame is associated: landmarks that are expected, and whose ids are in it, become active.
+  static void recognise(Filter& filter, LandmarkMap& map, const StereoFrame& frame,
+                        const std::vector<std::size_t>& usable);
 
   void restart() { elsewhere_.clear(); }
 
