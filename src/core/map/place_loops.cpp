@@ -52,11 +52,11 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
   }
   const auto recognition = recognisePlace(seen_now, seen_before, about, covariance);
   if (!recognition) return {};
-  settling.isReady(filter, now); // or will be when the place is confirmed
+  const bool is_ready = settling.isReady(filter, now); // or will be when the place is confirmed
   if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
   agreement_.restart();
   confirmed_ = recognition->matches;
-  return settling.isReady(filter, now) ? close(filter, map, now) : Revisit();
+  return is_ready ? close(filter, map, now) : Revisit();
 }
 
 /// What was confirmed, as far as it is still in the map.

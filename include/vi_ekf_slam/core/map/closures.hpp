@@ -40,6 +40,7 @@ class Closures {
     report.relocalised = relocaliser_ && relocaliser_->update(filter, map, returning_, report.stamp);
     if (!report.relocalised) return revisit;
     by_appearance_.restart();
+    by_constellation_.restart();
     relocaliser_.reset();
     use_ = MapUse::kRelocalised;
     return {};
@@ -53,6 +54,7 @@ class Closures {
   void restart() {
     returning_.restart();
     by_appearance_.restart();
+    by_constellation_.restart();
   }
 
   /// Somebody says where in the saved map the vehicle is, see Relocaliser::placeAt.

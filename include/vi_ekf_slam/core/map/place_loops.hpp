@@ -18,6 +18,12 @@ class PlaceLoops {
   /// After a frame. Landmarks of the place that was recognised.
   Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
 
+  /// The world is another one.
+  void restart() {
+    agreement_.restart();
+    confirmed_.clear();
+  }
+
  private:
   Revisit close(Filter& filter, LandmarkMap& map, Stamp now);
 
