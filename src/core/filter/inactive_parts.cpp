@@ -15,6 +15,13 @@ Eigen::MatrixXd StackedRows::middleCols(Eigen::Index column, Eigen::Index count)
   return result;
 }
 
+Eigen::MatrixXd StackedRows::columns(const std::vector<Eigen::Index>& list) const {
+  Eigen::MatrixXd result(middleCols(0, 0).rows(), static_cast<Eigen::Index>(list.size()));
+  for (Eigen::Index column = 0; column < result.cols(); ++column)
+    result.col(column) = middleCols(list[static_cast<std::size_t>(column)], 1);
+  return result;
+}
+
 std::size_t StackedRows::bytes() const {
   Eigen::Index size = 0;
   for (const auto& part : parts_) size += part->size();
@@ -46,6 +53,13 @@ Eigen::MatrixXd rowsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::ve
   Eigen::MatrixXd result(static_cast<Eigen::Index>(kept.size()), M.cols());
   for (Eigen::Index row = 0; row < result.rows(); ++row)
     result.row(row) = M.row(kept[static_cast<std::size_t>(row)]);
+  return result;
+}
+
+Eigen::MatrixXd rowsOf(const SymmetricPanels& P, const std::vector<Eigen::Index>& kept) {
+  Eigen::MatrixXd result(static_cast<Eigen::Index>(kept.size()), P.rows());
+  for (Eigen::Index row = 0; row < result.rows(); ++row)
+    result.row(row) = P.middleRows(kept[static_cast<std::size_t>(row)], 1);
   return result;
 }
 

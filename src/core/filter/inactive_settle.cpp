@@ -166,14 +166,12 @@ void InactiveStore::accept(const inactive::Composed& composed, const Begun& begu
   cross_ = {};
   cross_.push(composed.cross);
   if (!begun.taken.empty()) {
-    Eigen::MatrixXd rows(0, settled.rows());
+    std::vector<Eigen::Index> rows;
     for (const Handle handle : begun.taken) {
       const std::size_t i = empty.at(handle);
-      const Eigen::Index size = settled.first[i + 1] - settled.first[i];
-      rows.conservativeResize(rows.rows() + size, Eigen::NoChange);
-      rows.bottomRows(size) = settled.covariance.middleRows(settled.first[i], size);
+      for (Eigen::Index row = settled.first[i]; row < settled.first[i + 1]; ++row) rows.push_back(row);
     }
-    cross_.push(std::move(rows));
+    cross_.push(inactive::rowsOf(settled.covariance, rows));
   }
   blocks_.erase(blocks_.begin(), blocks_.begin() + static_cast<std::ptrdiff_t>(begun.blocks));
 }

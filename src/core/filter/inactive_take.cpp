@@ -91,20 +91,9 @@ InactiveStore::Taken InactiveStore::take(const std::vector<Handle>& handles) {
 
   std::size_t next = settled_->count();
   if (const inactive::Division division = divide(0, next); !division.gone.empty()) {
-    Eigen::MatrixXd rows(static_cast<Eigen::Index>(division.gone.size()), settled_->rows());
-    Eigen::Index row = 0;
-    for (const std::size_t i : division.numbers) {
-      const Eigen::Index size = variables_[i].mean.size();
-      rows.middleRows(row, size) = settled_->covariance.middleRows(settled_->first[i], size);
-      row += size;
-    }
-    Eigen::MatrixXd cross;
-    for (const std::size_t i : division.numbers) {
-      const Eigen::MatrixXd own_cross = cross_.middleCols(settled_->first[i], variables_[i].mean.size());
-      cross.conservativeResize(own_cross.rows(), cross.cols() + own_cross.cols());
-      cross.rightCols(own_cross.cols()) = own_cross;
-    }
-    carried.join(cross, Eigen::MatrixXd(row, 0), inactive::columnsOf(rows, division.gone));
+    Eigen::MatrixXd rows = inactive::rowsOf(settled_->covariance, division.gone);
+    carried.join(cross_.columns(division.gone), Eigen::MatrixXd(rows.rows(), 0),
+                 inactive::columnsOf(rows, division.gone));
     cross_.push(std::move(rows));
   }
   for (auto& block : blocks_) {

@@ -52,7 +52,7 @@ class Pair {
       filter_.addNoise(filter_.rowOf(handle), noise);
       dense_.addNoise(handle, noise);
     } else if (dice < 0.98) {
-      filter_.beginSettlingInactive(); // ends at some time later, or when it is needed
+      filter_.beginSettlingInactive(); // ends some time later
     } else if (dice < 0.985) {
       filter_.endSettlingInactive();
     } else if (dice < 0.99) {

@@ -92,7 +92,7 @@ TEST(InactiveStoreTest, IsTheSameWhereAThreadSettlesWhileTheDriveGoesOn) {
       beside.scene.filter.endSettlingInactive();
       EXPECT_LT(beside.store().deferredBlocks(), blocks);
     }
-    if (i == 35) { // needs what the thread does
+    if (i == 35) { // while the thread has them
       for (Leaving* drive : {&never, &beside})
         drive->scene.filter.activate({drive->away[3], drive->away[30]});
     }

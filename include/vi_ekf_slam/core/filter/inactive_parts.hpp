@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/linear_measurement.hpp"
@@ -42,7 +43,7 @@ struct Settled {
   std::size_t count() const { return first.size() - 1; }
 };
 
-/// A matrix of which rows are added at the end without a copy, nor are they by copying it.
+/// A matrix that gets rows at its end. Those that it has are not copied then, and shared by its copies.
 class StackedRows {
  public:
   void push(Eigen::MatrixXd rows) {
@@ -50,6 +51,8 @@ class StackedRows {
   }
   /// (rows x count)
   Eigen::MatrixXd middleCols(Eigen::Index column, Eigen::Index count) const;
+  /// Those in the list.
+  Eigen::MatrixXd columns(const std::vector<Eigen::Index>& list) const;
   Eigen::MatrixXd all() const {
     return parts_.empty() ? Eigen::MatrixXd() : middleCols(0, parts_[0]->cols());
   }
@@ -85,6 +88,7 @@ struct Carried {
 /// The columns (rows) of M that are in the list.
 Eigen::MatrixXd columnsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);
 Eigen::MatrixXd rowsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);
+Eigen::MatrixXd rowsOf(const SymmetricPanels& P, const std::vector<Eigen::Index>& kept);
 
 /// All blocks' effect, done. The cost is about n N^2.
 struct Composed {
