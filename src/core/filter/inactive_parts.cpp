@@ -50,9 +50,13 @@ Eigen::MatrixXd columnsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std:
 }
 
 Eigen::MatrixXd rowsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept) {
-  Eigen::MatrixXd result(static_cast<Eigen::Index>(kept.size()), M.cols());
-  for (Eigen::Index row = 0; row < result.rows(); ++row)
-    result.row(row) = M.row(kept[static_cast<std::size_t>(row)]);
+  const auto count = static_cast<Eigen::Index>(kept.size());
+  if (count == M.rows()) return M;
+  Eigen::MatrixXd result(count, M.cols());
+  for (Eigen::Index column = 0; column < M.cols(); ++column) {
+    for (Eigen::Index row = 0; row < count; ++row)
+      result(row, column) = M(kept[static_cast<std::size_t>(row)], column);
+  }
   return result;
 }
 

@@ -1,6 +1,7 @@
 // What InactiveStore has deferred, done: here, or in a thread beside.
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/inactive_store.hpp"
@@ -39,8 +40,7 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
   P.resize(all);
   const Block& last = *blocks.back();
   Composed result;
-  Eigen::MatrixXd& cross = result.cross;
-  cross.resize(last.F.rows(), all);
+  Eigen::MatrixXd cross(last.F.rows(), all);
   result.moved = Eigen::VectorXd::Zero(all);
   Eigen::Index first = all - last.left();
   cross.rightCols(last.left()) = last.F.rightCols(last.left());
@@ -74,6 +74,7 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
     cross.leftCols(old).noalias() = F * before;
     P.setProduct(old, later, before);
   }
+  result.cross.push(std::move(cross));
   result.settled = std::make_shared<Settled>(std::move(settled));
   return result;
 }
@@ -123,8 +124,15 @@ void InactiveStore::beginSettling() {
 void InactiveStore::endSettling() {
   if (!settling_.valid()) return;
   const inactive::Composed composed = settling_.get();
-  settling_ = {};
+  // To give back that much memory takes longer than a frame has.
+  auto replaced = std::make_tuple(
+      std::exchange(settling_, {}), settled_, cross_,
+      decltype(blocks_)(blocks_.begin(), blocks_.begin() + static_cast<std::ptrdiff_t>(begun_.blocks)));
   accept(composed, begun_);
+  releasing_ =
+      std::async(std::launch::async | std::launch::deferred, [replaced = std::move(replaced)]() mutable {
+        replaced = {};
+      }).share();
 }
 
 InactiveStore::Begun InactiveStore::begun() const {
@@ -163,8 +171,7 @@ void InactiveStore::accept(const inactive::Composed& composed, const Begun& begu
   for (skip(); next != variables_.cend(); ++next) variables.push_back(*next);
   variables_ = std::move(variables);
   settled_ = composed.settled;
-  cross_ = {};
-  cross_.push(composed.cross);
+  cross_ = composed.cross;
   if (!begun.taken.empty()) {
     std::vector<Eigen::Index> rows;
     for (const Handle handle : begun.taken) {

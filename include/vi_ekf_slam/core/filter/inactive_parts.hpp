@@ -85,7 +85,7 @@ struct Carried {
             const Eigen::MatrixXd& more_own);
 };
 
-/// The columns (rows) of M that are in the list.
+/// The columns (rows) of M that are in the list; one of all rows has them in their order.
 Eigen::MatrixXd columnsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);
 Eigen::MatrixXd rowsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);
 Eigen::MatrixXd rowsOf(const SymmetricPanels& P, const std::vector<Eigen::Index>& kept);
@@ -93,7 +93,7 @@ Eigen::MatrixXd rowsOf(const SymmetricPanels& P, const std::vector<Eigen::Index>
 /// All blocks' effect, done. The cost is about n N^2.
 struct Composed {
   std::shared_ptr<Settled> settled;
-  Eigen::MatrixXd cross; ///< with the active errors at the end of the last block
+  StackedRows cross;     ///< with the active errors at the end of the last block
   Eigen::VectorXd moved; ///< by how much the means are others, row by row
 };
 /// `kept`: the variables (by number) of the settled ones that are still there.

@@ -166,7 +166,8 @@ class InactiveStore {
   std::unordered_map<Handle, std::uint64_t> serials_;
   std::uint64_t last_serial_ = 0;
   std::shared_future<inactive::Composed> settling_;
-  Begun begun_; ///< where that is under way
+  Begun begun_;                        ///< where that is under way
+  std::shared_future<void> releasing_; ///< what was replaced by it
 };
 
 } // namespace vi_ekf_slam
