@@ -28,9 +28,10 @@ FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& stat
   FrameErrors errors;
   errors.time = time;
   errors.nees = poseNees(truth, state);
-  errors.estimate = state.world_T_imu.translation();
-  errors.truth = truth.translation();
-  errors.position = (errors.estimate - errors.truth).norm();
+  errors.stamp = state.stamp;
+  errors.estimate = state.world_T_imu;
+  errors.truth = truth;
+  errors.position = (errors.estimate.translation() - truth.translation()).norm();
   errors.dead_reckoning = (dead_reckoning.translation() - truth.translation()).norm();
   errors.yaw_sigma = std::sqrt(std::max(0.0, state.pose_covariance(5, 5)));
   errors.nis = report.nis;
@@ -84,24 +85,17 @@ void countPlace(const FrameReport& report, SeedResult& result) {
   if (result.frames[now].position > before + kFartherOff) ++result.wrong_places;
 }
 
-namespace {
-
-/// A frame with an estimate, for when the path is known.
-struct Passed {
-  Stamp stamp;
-  SE3 truth, estimate;
-};
-
-void judgePath(const PathEstimate& path, const std::vector<Passed>& frames, SeedResult& result) {
+void judgePath(const PathEstimate& path, SeedResult& result) {
+  std::vector<FrameErrors>& frames = result.frames;
   std::size_t nodes = 0, next = 0;
   Eigen::Matrix3Xd truth(3, frames.size()), smoothed = truth;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const Passed& frame = frames[i];
+    FrameErrors& frame = frames[i];
     const SE3 now = path.at(frame.stamp, frame.estimate, Matrix6d::Zero()).world_T_imu;
     const auto column = static_cast<Eigen::Index>(i);
     truth.col(column) = frame.truth.translation();
     smoothed.col(column) = now.translation();
-    result.frames[i].smoothed = (now.translation() - frame.truth.translation()).norm();
+    frame.smoothed = (now.translation() - frame.truth.translation()).norm();
     while (next < path.nodes.size() && path.nodes[next].stamp < frame.stamp) ++next;
     if (next == path.nodes.size() || path.nodes[next].stamp != frame.stamp) continue;
     StateEstimate node;
@@ -113,11 +107,10 @@ void judgePath(const PathEstimate& path, const std::vector<Passed>& frames, Seed
     result.largest_node_nees = std::max(result.largest_node_nees, nees);
     ++nodes;
   }
-  if (!frames.empty()) result.smoothed_ate = absoluteTrajectoryError(smoothed, truth, false);
+  if (!frames.empty())
+    result.smoothed_ate = absoluteTrajectoryError(smoothed, truth, result.inertial.has_value());
   if (nodes > 0) result.node_nees /= static_cast<double>(nodes);
 }
-
-} // namespace
 
 SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study) {
   if (options.hasRawImu()) return runInertialSeed(config, options, study);
@@ -131,7 +124,6 @@ SeedResult runSeed(const Config& config, const DriveOptions& options, const Iner
   SeedResult result;
   result.seed = options.seed;
   std::optional<Stamp> start;
-  std::vector<Passed> passed;
   while (std::optional<DriveStep> step = simulator.next()) {
     stale.repair(*step);
     if (!start) start = step->stamp;
@@ -154,12 +146,11 @@ SeedResult runSeed(const Config& config, const DriveOptions& options, const Iner
         result.frames.push_back(frameErrors(secondsBetween(*start, step->stamp), step->world_T_imu, state,
                                             dead_reckoning.pose(), report));
         countPlace(report, result);
-        passed.push_back({step->stamp, step->world_T_imu, state.world_T_imu});
       }
     }
   }
   result.yaw_fall = yaw.largestFall();
-  judgePath(estimator->exactMap()().path, passed, result);
+  judgePath(estimator->exactMap()().path, result);
   return result;
 }
 
@@ -242,8 +233,8 @@ double ate(const SeedResult& result) {
   if (result.frames.empty()) return 0.0;
   Eigen::Matrix3Xd estimate(3, result.frames.size()), truth = estimate;
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
-    estimate.col(static_cast<Eigen::Index>(i)) = result.frames[i].estimate;
-    truth.col(static_cast<Eigen::Index>(i)) = result.frames[i].truth;
+    estimate.col(static_cast<Eigen::Index>(i)) = result.frames[i].estimate.translation();
+    truth.col(static_cast<Eigen::Index>(i)) = result.frames[i].truth.translation();
   }
   return absoluteTrajectoryError(estimate, truth, result.inertial.has_value());
 }

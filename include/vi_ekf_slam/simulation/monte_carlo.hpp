@@ -21,7 +21,8 @@ struct FrameErrors {
   double position = 0.0;       ///< m, distance between estimate and truth, without any alignment
   double smoothed = 0.0;       ///< m, the same as it is known at the end of the drive
   double dead_reckoning = 0.0; ///< m, the same for dead reckoning
-  Eigen::Vector3d estimate = Eigen::Vector3d::Zero(), truth = estimate; ///< m, positions
+  Stamp stamp = 0;
+  SE3 estimate, truth;         ///< world_T_imu
   double yaw_sigma = 0.0;      ///< rad, published standard deviation of the global yaw
   double nis = 0.0;
   std::size_t nis_dof = 0;
@@ -47,6 +48,9 @@ struct SeedResult {
   double node_nees = 0.0, largest_node_nees = 0.0;
   std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
+
+/// Compares the path as it is known at the end with the truth of the result's frames.
+void judgePath(const PathEstimate& path, SeedResult& result);
 
 /// Counts what the report of the last of the result's frames says of places.
 void countPlace(const FrameReport& report, SeedResult& result);

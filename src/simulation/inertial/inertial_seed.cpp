@@ -44,6 +44,7 @@ class InertialSeed {
     }
     system_.flush();
     result_.yaw_fall = yaw_.largestFall();
+    judgePath(system_.estimator().exactMap()().path, result_);
     if (!study_.disturbance.isNone()) {
       if (const auto estimate = system_.estimator().rig()) result_.inertial->rig = rig_.judge(*estimate);
     }
