@@ -197,16 +197,17 @@ void FrontEnd::learnMotion(const SE3& guess, const std::vector<Track>& before, S
 void FrontEnd::refine(const Picture& left) {
   for (Track& track : tracks_) {
     if (track.anchor) {
-      const auto fit = track.anchor->align(left.image, {{track.left.x, track.left.y}, track.shape});
+      track.warp.centre = {track.left.x, track.left.y};
+      const auto fit = track.anchor->align(left.image, track.warp);
       const cv::Point2f at = fit ? cv::Point2f(fit->warp.centre.x(), fit->warp.centre.y()) : track.left;
       if (fit && fit->correlation >= kMinAnchorCorrelation && cv::norm(at - track.left) <= kMaxCorrection) {
         track.left = at;
-        track.shape = fit->warp.shape;
+        track.warp = fit->warp;
         continue;
       }
     }
     track.anchor = AnchorPatch::cut(left.image, track.left);
-    track.shape.setIdentity();
+    track.warp = {};
   }
 }
 

@@ -135,6 +135,67 @@ TEST(AnchorPatch, finds_itself_turned_scaled_and_in_other_light) {
   EXPECT_GT(fit->correlation, 0.99);
 }
 
+/// What a camera sees that has driven so far (m) between two walls, 2 m to its left and right, of so many
+/// grey levels.
+cv::Mat lookAlongWalls(double way, double levels) {
+  constexpr double kTexelsPerM = 60.0;
+  cv::Mat texture(2048, 2048, CV_8UC1), image;
+  cv::RNG(3).fill(texture, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(texture, texture, {}, 4.0);
+  cv::normalize(texture, texture, 128.0 - 0.5 * levels, 128.0 + 0.5 * levels, cv::NORM_MINMAX);
+  cv::Mat map(240, 320, CV_32FC2);
+  for (int v = 0; v < map.rows; ++v) {
+    for (int u = 0; u < map.cols; ++u) {
+      const double depth = 2.0 * kTestCamera.fu / std::abs(u - kTestCamera.cu);
+      map.at<cv::Vec2f>(v, u) = {
+          static_cast<float>(kTexelsPerM * (depth + way)),
+          static_cast<float>(1024.0 + kTexelsPerM * depth * (v - kTestCamera.cv) / kTestCamera.fv)};
+    }
+  }
+  cv::remap(texture, image, map, cv::noArray(), cv::INTER_CUBIC, cv::BORDER_REFLECT);
+  return image;
+}
+
+// Of a wall more is seen of what is nearer, and that is to the outside, in each picture anew.
+TEST(AnchorPatch, stays_on_points_of_walls_that_come_nearer) {
+  struct Followed {
+    Eigen::Vector2d at; ///< in the first picture, px from its middle
+    AnchorPatch patch;
+    AnchorPatch::Warp warp;
+  };
+  const Eigen::Vector2d middle(kTestCamera.cu, kTestCamera.cv);
+  for (const double levels : {200.0, 30.0}) {
+    std::vector<Followed> followed;
+    const cv::Mat first = lookAlongWalls(0.0, levels);
+    for (double u = -90.0; u <= 90.0; u += 6.0) {
+      for (double v = -60.0; v <= 60.0 && std::abs(u) >= 60.0; v += 15.0) {
+        const Eigen::Vector2f at = (middle + Eigen::Vector2d(u, v)).cast<float>();
+        auto patch = AnchorPatch::cut(first, {at.x(), at.y()});
+        ASSERT_TRUE(patch);
+        followed.push_back({{u, v}, std::move(*patch), {at}});
+      }
+    }
+    double outward = 0.0; // px
+    int count = 0;
+    for (int k = 1; k <= 10; ++k) {
+      const double way = 0.25 * k;
+      const cv::Mat image = lookAlongWalls(way, levels);
+      for (Followed& f : followed) {
+        const double depth = 2.0 * kTestCamera.fu / std::abs(f.at.x());
+        const Eigen::Vector2d at = middle + depth / (depth - way) * f.at;
+        f.warp.centre = at.cast<float>() + Eigen::Vector2f(0.3f, -0.2f); // as well as flow knows it
+        const auto fit = f.patch.align(image, f.warp);
+        if (!fit) continue;
+        f.warp = fit->warp;
+        outward += (fit->warp.centre.x() - at.x()) * (f.at.x() < 0.0 ? -1.0 : 1.0);
+        ++count;
+      }
+    }
+    EXPECT_GT(count, 700) << levels << " levels";
+    EXPECT_NEAR(0.0, outward / count, 0.02) << levels << " levels";
+  }
+}
+
 TEST(AnchorPatch, is_nothing_without_contrast_or_beyond_the_image) {
   const cv::Mat grey(100, 100, CV_8UC1, cv::Scalar(90));
   EXPECT_FALSE(AnchorPatch::cut(grey, {50.0f, 50.0f}));

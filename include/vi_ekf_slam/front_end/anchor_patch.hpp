@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -8,14 +7,16 @@
 namespace vi_ekf_slam {
 
 /// What a point looked like where its track began, and where exactly that is in a later image. Flow from
-/// image to image adds up its errors; this does not. The patch may turn, shear, grow, and change brightness
+/// image to image adds up its errors; this does not. The patch is that of a plane, and may change brightness
 /// and contrast.
 class AnchorPatch {
  public:
-  /// Takes x = shape xi + centre, for xi in the patch.
+  /// Takes x = centre + shape xi / (1 + slant^T xi), for xi in the patch (px): what a camera that moves sees
+  /// of a plane. Without slant the points of a wall along which it drives stray to the outside.
   struct Warp {
-    Eigen::Vector2f centre; ///< px
+    Eigen::Vector2f centre = Eigen::Vector2f::Zero(); ///< px
     Eigen::Matrix2f shape = Eigen::Matrix2f::Identity();
+    Eigen::Vector2f slant = Eigen::Vector2f::Zero(); ///< 1/px
   };
 
   struct Fit {
@@ -40,12 +41,10 @@ class AnchorPatch {
   // which it sums, and so the last digit, does not depend on where in memory they are.
   static constexpr int kPadded = (kPixels + 15) / 16 * 16;
   using Pixels = Eigen::Matrix<float, kPadded, 1>;
-  using Jacobian = Eigen::Matrix<float, kPadded, 6>;
+  static constexpr int kParameters = 8; ///< shift, shape, slant
 
   Pixels values_;     ///< mean 0, norm 1
-  float norm_ = 0.0f; ///< before
-  Jacobian J_;        ///< of (shift, shape) on values_, with what brightness and contrast explain taken out
-  Eigen::LLT<Eigen::Matrix<float, 6, 6>> information_;
+  Eigen::Matrix<float, kParameters, kPadded> gain_; ///< of the parameters on how values are others
 };
 
 } // namespace vi_ekf_slam

@@ -38,7 +38,7 @@ struct Track {
   int unmatched = 0;               ///< pairs in a row without a match
   std::optional<AnchorPatch>
       anchor; ///< what it looked like in the left image when it began, or since its looks changed
-  Eigen::Matrix2f shape = Eigen::Matrix2f::Identity(); ///< of the anchor in the last left image
+  AnchorPatch::Warp warp;                ///< of the anchor to the last left image
   double square_sum = 0.0, weight = 0.0; ///< px^2 of the image that came and count, of its row residuals
 };
 
