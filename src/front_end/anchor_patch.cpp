@@ -1,9 +1,9 @@
 #include "vi_ekf_slam/front_end/anchor_patch.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace vi_ekf_slam {
 namespace {
@@ -14,10 +14,13 @@ constexpr float kConverged = 0.005f; // px
 // side in each picture: then the points on both sides of a street stray to the outside.
 constexpr float kShapeConverged = 0.03f;
 constexpr float kMinContrast = 1.0f; // grey levels, RMS
-// Of the shape's steps, as a share of what the patch's contrast tells (Marquardt 1963): with less of it more
-// fits run away, with more they end before they are there
-// (AnchorPatch.stays_on_points_of_walls_that_come_nearer).
-constexpr float kDamping = 0.04f;
+// How well shape and slant are known beforehand, 0.15 px at the patch's edge, where a tenth of the contrast
+// is noise: (0.1^2 / 225) / 0.15^2. It holds those that a patch hardly shows; with a seventh and with five
+// times of it drawn streets and recorded drives are no better (docs/front_end.md).
+constexpr float kPrior = 0.002f;
+// Of the normal equations' diagonal after a step that was none, and what it falls by after each that was
+// (Marquardt 1963).
+constexpr float kDamping = 0.25f, kLess = 0.25f;
 constexpr float kLeastScale = 0.5f; // of 1 + slant^T xi
 
 /// Bilinear samples on the grid of the patch; false where one is not inside the image.
@@ -60,74 +63,121 @@ bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, int half, Pixel
   return true;
 }
 
-/// Mean 0 and norm 1 of the pixels, which zeros follow; the norm before, 0 where there is no contrast.
-template <typename Pixels>
-float normalise(Pixels& values) {
-  constexpr int kPixels = AnchorPatch::kPixels;
-  values.template head<kPixels>().array() -= values.sum() / kPixels;
-  const float norm = values.norm();
-  if (norm < kMinContrast * std::sqrt(static_cast<float>(kPixels))) return 0.0f;
-  values /= norm;
-  return norm;
+constexpr int kShape = 6; // of them all but the shift
+
+/// The warp of what `step` does to the patch.
+AnchorPatch::Warp compose(const AnchorPatch::Warp& warp, const AnchorPatch::Parameters& step) {
+  constexpr float half = AnchorPatch::kHalf;
+  Eigen::Matrix3f first = Eigen::Matrix3f::Identity(), then = Eigen::Matrix3f::Identity();
+  first.topRightCorner<2, 1>() = step.head<2>();
+  first.topLeftCorner<2, 2>() +=
+      Eigen::Map<const Eigen::Matrix<float, 2, 2, Eigen::RowMajor>>(&step[2]) / half;
+  first.bottomLeftCorner<1, 2>() = step.tail<2>().transpose() / (half * half);
+  then.topLeftCorner<2, 2>() = warp.shape;
+  then.bottomLeftCorner<1, 2>() = warp.slant.transpose();
+  Eigen::Matrix3f both = then * first;
+  both /= both(2, 2);
+  const Eigen::Vector2f shift = both.topRightCorner<2, 1>();
+  AnchorPatch::Warp composed;
+  composed.centre = warp.centre + shift;
+  composed.slant = both.bottomLeftCorner<1, 2>().transpose();
+  composed.shape = both.topLeftCorner<2, 2>() - shift * composed.slant.transpose();
+  return composed;
 }
 
 } // namespace
 
-std::optional<AnchorPatch> AnchorPatch::cut(const cv::Mat& image, const cv::Point2f& centre) {
+const AnchorPatch::Pixels& AnchorPatch::coordinates(Axis axis) {
+  const auto fill = [](bool is_across) {
+    Pixels values = Pixels::Zero();
+    Eigen::Index i = 0;
+    for (int v = -kHalf; v <= kHalf; ++v) {
+      for (int u = -kHalf; u <= kHalf; ++u) values[i++] = static_cast<float>(is_across ? u : v) / kHalf;
+    }
+    return values;
+  };
+  static const Pixels across = fill(true), down = fill(false);
+  return axis == Axis::kAcross ? across : down;
+}
+
+bool AnchorPatch::look(const cv::Mat& image, const Warp& warp, View& view) {
   constexpr int kWide = kSide + 2;
   Eigen::Matrix<float, kWide * kWide, 1> wide;
-  if (!sample(image, {{centre.x, centre.y}}, kHalf + 1, wide)) return std::nullopt;
-  AnchorPatch patch;
-  patch.values_.setZero();
-  Eigen::Matrix<float, kPadded, kParameters> J = decltype(J)::Zero();
-  Eigen::Index i = 0;
-  for (int v = -kHalf; v <= kHalf; ++v) {
-    for (int u = -kHalf; u <= kHalf; ++u, ++i) {
-      const int k = (v + kHalf + 1) * kWide + u + kHalf + 1;
-      const float gx = 0.5f * (wide[k + 1] - wide[k - 1]), gy = 0.5f * (wide[k + kWide] - wide[k - kWide]);
-      const float x = static_cast<float>(u) / kHalf, y = static_cast<float>(v) / kHalf;
-      patch.values_[i] = wide[k];
-      const float outward = gx * x + gy * y;
-      J.row(i) << gx, gy, gx * x, gx * y, gy * x, gy * y, -outward * x, -outward * y;
-    }
+  if (!sample(image, warp, kHalf + 1, wide)) return false;
+  for (int v = 0; v < kSide; ++v) {
+    const auto row = [&wide, v](int below, int right) {
+      return wide.segment<kSide>((v + 1 + below) * kWide + 1 + right);
+    };
+    view.values.segment<kSide>(v * kSide) = row(0, 0);
+    view.across.segment<kSide>(v * kSide) = 0.5f * (row(0, 1) - row(0, -1));
+    view.down.segment<kSide>(v * kSide) = 0.5f * (row(1, 0) - row(-1, 0));
   }
-  const float norm = normalise(patch.values_);
-  if (norm == 0.0f) return std::nullopt;
-  const Eigen::Matrix<float, 1, kParameters> mean = J.colwise().sum() / kPixels;
-  // What brightness and contrast explain.
-  J.topRows<kPixels>().rowwise() -= mean;
-  J -= patch.values_ * (patch.values_.transpose() * J).eval();
-  Eigen::Matrix<float, kParameters, kParameters> H = J.transpose() * J;
-  H.diagonal().tail<kParameters - 2>().array() += kDamping * norm * norm;
-  const Eigen::LDLT<decltype(H)> information(H);
-  if (!information.isPositive()) return std::nullopt;
-  patch.gain_ = information.solve(norm * J.transpose());
+  view.values.head<kPixels>().array() -= view.values.sum() / kPixels;
+  const float norm = view.values.norm();
+  if (norm < kMinContrast * std::sqrt(static_cast<float>(kPixels))) return false;
+  view.values /= norm;
+  view.across /= norm;
+  view.down /= norm;
+  return true;
+}
+
+std::optional<AnchorPatch> AnchorPatch::cut(const cv::Mat& image, const cv::Point2f& centre) {
+  AnchorPatch patch;
+  if (!look(image, {{centre.x, centre.y}}, patch.view_)) return std::nullopt;
   return patch;
+}
+
+AnchorPatch::Normal AnchorPatch::linearise(const View& there, float correlation) const {
+  const Pixels &x = coordinates(Axis::kAcross), &y = coordinates(Axis::kDown);
+  Eigen::Matrix<float, kPadded, Parameters::RowsAtCompileTime> J;
+  // Between both views: the error is of second order then.
+  J.col(0) = 0.5f * (view_.across + there.across);
+  J.col(1) = 0.5f * (view_.down + there.down);
+  J.col(2) = J.col(0).cwiseProduct(x);
+  J.col(3) = J.col(0).cwiseProduct(y);
+  J.col(4) = J.col(1).cwiseProduct(x);
+  J.col(5) = J.col(1).cwiseProduct(y);
+  const Pixels outward = J.col(2) + J.col(5);
+  J.col(6) = -outward.cwiseProduct(x);
+  J.col(7) = -outward.cwiseProduct(y);
+  // Without what brightness and contrast explain.
+  const Parameters of_mean = J.colwise().sum() / std::sqrt(static_cast<float>(kPixels));
+  const Parameters of_contrast = J.transpose() * view_.values;
+  Normal normal;
+  normal.H = J.transpose() * J;
+  normal.H -= of_mean * of_mean.transpose() + of_contrast * of_contrast.transpose();
+  normal.b = J.transpose() * (view_.values - there.values) - (1.0f - correlation) * of_contrast;
+  return normal;
 }
 
 std::optional<AnchorPatch::Fit> AnchorPatch::align(const cv::Mat& image, const Warp& start) const {
   Fit fit{start, 0.0};
-  Pixels there = Pixels::Zero();
+  Parameters moved = Parameters::Zero(), step = Parameters::Zero();
+  Normal normal;
+  View there;
+  float least = std::numeric_limits<float>::infinity(), damping = 0.0f;
   for (int k = 0; k < kMaxIterations; ++k) {
-    if (!sample(image, fit.warp, kHalf, there) || normalise(there) == 0.0f) return std::nullopt;
-    fit.correlation = static_cast<double>(there.dot(values_));
-    const Eigen::Matrix<float, kParameters, 1> step = gain_ * (there - values_);
-    // A homography is what the patch would have to do; the warp does its inverse.
-    Eigen::Matrix3f change = Eigen::Matrix3f::Identity(), warp = Eigen::Matrix3f::Identity();
-    change.topRightCorner<2, 1>() = step.head<2>();
-    change.topLeftCorner<2, 2>() +=
-        Eigen::Map<const Eigen::Matrix<float, 2, 2, Eigen::RowMajor>>(&step[2]) / kHalf;
-    change.bottomLeftCorner<1, 2>() = step.tail<2>().transpose() / (kHalf * kHalf);
-    warp.topLeftCorner<2, 2>() = fit.warp.shape;
-    warp.bottomLeftCorner<1, 2>() = fit.warp.slant.transpose();
-    warp = (warp * change.inverse()).eval();
-    warp /= warp(2, 2);
-    const Eigen::Vector2f shift = warp.topRightCorner<2, 1>();
-    fit.warp.slant = warp.bottomLeftCorner<1, 2>().transpose();
-    fit.warp.shape = warp.topLeftCorner<2, 2>() - shift * fit.warp.slant.transpose();
-    fit.warp.centre += shift;
-    if (!warp.allFinite()) return std::nullopt;
-    if (shift.norm() < kConverged && step.tail<kParameters - 2>().norm() < kShapeConverged) return fit;
+    const Warp warp = compose(fit.warp, step);
+    const bool is_seen = look(image, warp, there);
+    if (!is_seen && k == 0) return std::nullopt;
+    const float correlation = is_seen ? there.values.dot(view_.values) : -1.0f;
+    const float cost = 2.0f * (1.0f - correlation) + kPrior * (moved + step).tail<kShape>().squaredNorm();
+    if (cost < least) {
+      least = cost;
+      fit = {warp, static_cast<double>(correlation)};
+      moved += step;
+      normal = linearise(there, correlation);
+      normal.H.diagonal().tail<kShape>().array() += kPrior;
+      normal.b.tail<kShape>() -= kPrior * moved.tail<kShape>();
+      damping *= kLess;
+    } else {
+      damping = std::max(damping / kLess, kDamping);
+    }
+    Eigen::Matrix<float, 8, 8> damped = normal.H;
+    damped.diagonal() *= 1.0f + damping;
+    step = damped.ldlt().solve(normal.b);
+    if (!step.allFinite()) return std::nullopt;
+    if (step.head<2>().norm() < kConverged && step.tail<kShape>().norm() < kShapeConverged) return fit;
   }
   return std::nullopt;
 }

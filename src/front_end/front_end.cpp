@@ -24,17 +24,11 @@ constexpr std::size_t kLittleTexture = 10;     // tracks
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
 // is to be told of all of it (docs/front_end.md).
 constexpr double kLifeSigma = 0.8;
-// px/s^0.5. Measured on drawn streets, 10 Hz, two thirds of the tracks, against the points that they began
-// at: after 1, 2 and 5 pairs a row is off by 0.11, 0.15 and 0.21 px (docs/front_end.md). What strays
-// is taken to be the interpolation between pixels: a track that moves by less than one strays less, and none
-// at rest.
-constexpr double kTrackWalk = 0.3;
-constexpr double kWalkingFlow = 1.0; // px from pair to pair
 // px, what is added of image to image before a track has shown its own, and how many residuals that is worth.
 constexpr double kPriorSigma = 0.25, kPriorWeight = 5.0, kMaxWeight = 20.0;
 
-constexpr double kMinAnchorCorrelation = 0.8;
-constexpr double kMaxCorrection = 1.5; // px
+constexpr float kPredictionReach = AnchorPatch::kHalf; // px
+constexpr float kFlowReach = 1.5f;                     // px
 
 template <typename Predicate>
 std::size_t removeTracks(std::vector<Track>& tracks, const Predicate& is_over) {
@@ -78,7 +72,10 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   report_.left = left.fault;
   report_.right = right.fault;
   report_.brightness = left.light.mean;
-  for (Track& track : tracks_) track.matched = false;
+  for (Track& track : tracks_) {
+    if (track.matched) track.strayed = 0.0; // it has been told
+    track.matched = false;
+  }
   if (!tracks_.empty() && (has_jumped || hasGap(images.stamp))) {
     tracks_.clear();
     report_.begun_anew = true;
@@ -92,10 +89,11 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   matchTracks(left, right);
   last_left_ = left;
   last_left_->image.release(); // the pyramid has it
+  const double seconds = secondsBetween(last_stamp_, images.stamp);
   last_stamp_ = images.stamp;
   gyro_.forgetBefore(images.stamp);
   summarise(images.stamp);
-  return features(left, images.stamp);
+  return features(left, images.stamp, seconds);
 }
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.
@@ -114,40 +112,61 @@ SE3 FrontEnd::predictMotion(Stamp stamp) {
   return {*cam_R_imu_ * before_R_now->transpose() * cam_R_imu_->transpose(), motion.translation()};
 }
 
-/// Where the tracks are in the next left image.
-std::vector<cv::Point2f> FrontEnd::predict(const SE3& now_T_before) const {
+std::vector<TrackPrediction> FrontEnd::predict(const SE3& now_T_before) const {
   const StereoCamera& camera = calibration_.camera;
   std::vector<cv::Point2d> moved;
+  std::vector<TrackPrediction> predictions;
   for (const Track& track : tracks_) {
-    const Eigen::Vector3d p =
-        now_T_before * pointBehind(camera, track.left_rectified, track.disparity.value_or(0.0));
-    const StereoPixels pixels = camera.project({p.x(), p.y(), std::max(p.z(), 1e-3)});
+    const Eigen::Vector3d before = pointBehind(camera, track.left_rectified, track.disparity.value_or(0.0));
+    Eigen::Vector3d now = now_T_before * before;
+    now.z() = std::max(now.z(), 1e-3);
+    const StereoPixels pixels = camera.project(now);
     moved.emplace_back(pixels[0], pixels[1]);
+    predictions.push_back({track.left, static_cast<float>(before.z() / now.z())});
   }
-  std::vector<cv::Point2f> predicted = calibration_.left.unrectify(moved);
-  for (std::size_t i = 0; i < predicted.size(); ++i) {
-    if (!calibration_.left.contains(predicted[i])) predicted[i] = tracks_[i].left;
+  const std::vector<cv::Point2f> pixels = calibration_.left.unrectify(moved);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    if (calibration_.left.contains(pixels[i])) predictions[i].pixel = pixels[i];
   }
-  return predicted;
+  return predictions;
+}
+
+/// Which tracks are in the picture, and where: by their looks where they should be, else where flow has led
+/// them.
+std::vector<bool> FrontEnd::find(const Picture& left, const std::vector<TrackPrediction>& predictions) {
+  const cv::Mat& before = last_left_->pyramid.front();
+  std::vector<bool> found;
+  std::vector<cv::Point2f> points, guesses;
+  std::vector<std::size_t> rest;
+  for (std::size_t i = 0; i < tracks_.size(); ++i) {
+    tracks_[i].left_before = tracks_[i].left;
+    found.push_back(alignTrack(before, left.image, predictions[i], kPredictionReach, tracks_[i]));
+    if (found[i]) continue;
+    points.push_back(tracks_[i].left);
+    guesses.push_back(predictions[i].pixel);
+    rest.push_back(i);
+  }
+  const Flow flow = followPoints(*last_left_, left, points, guesses, kLevels, kMaxFlowRoundTrip);
+  for (std::size_t k = 0; k < rest.size(); ++k) {
+    if (!flow.found[k]) continue;
+    const std::size_t i = rest[k];
+    found[i] = true;
+    const TrackPrediction there{flow.points[k], predictions[i].magnification};
+    if (!alignTrack(before, left.image, there, kFlowReach, tracks_[i]))
+      anchorAnew(left.image, flow.points[k], tracks_[i]);
+  }
+  return found;
 }
 
 void FrontEnd::follow(const Picture& left, Stamp stamp) {
   if (tracks_.empty() || !last_left_) return;
-  std::vector<cv::Point2f> points;
-  for (const Track& track : tracks_) points.push_back(track.left);
   const SE3 guess = predictMotion(stamp);
-  const Flow flow = followPoints(*last_left_, left, points, predict(guess), kLevels, kMaxFlowRoundTrip);
   std::vector<Track> before = tracks_;
+  const std::vector<bool> found = find(left, predict(guess));
   std::size_t i = 0;
-  for (Track& track : tracks_) {
-    track.left_before = track.left;
-    track.left = flow.points[i++];
-  }
+  report_.lost = removeTracks(tracks_, [&](const Track&) { return !found[i++]; });
   i = 0;
-  report_.lost = removeTracks(tracks_, [&](const Track&) { return !flow.found[i++]; });
-  i = 0;
-  removeTracks(before, [&](const Track&) { return !flow.found[i++]; });
-  refine(left);
+  removeTracks(before, [&](const Track&) { return !found[i++]; });
   rectify(tracks_);
   const auto is_outside = [this](const Track& track) {
     return !calibration_.left.shows(track.left_rectified);
@@ -190,25 +209,6 @@ void FrontEnd::learnMotion(const SE3& guess, const std::vector<Track>& before, S
   }
   const auto motion = estimateMotion(calibration_.camera, displacements, guess);
   velocity_ = motion ? (motion->Log() / secondsBetween(last_stamp_, stamp)).eval() : Vector6d::Zero().eval();
-}
-
-/// Flow has brought each point to within a fraction of a pixel; its anchor says where it is. One that does
-/// not look like its anchor any more gets a new one.
-void FrontEnd::refine(const Picture& left) {
-  for (Track& track : tracks_) {
-    if (track.anchor) {
-      track.warp.centre = {track.left.x, track.left.y};
-      const auto fit = track.anchor->align(left.image, track.warp);
-      const cv::Point2f at = fit ? cv::Point2f(fit->warp.centre.x(), fit->warp.centre.y()) : track.left;
-      if (fit && fit->correlation >= kMinAnchorCorrelation && cv::norm(at - track.left) <= kMaxCorrection) {
-        track.left = at;
-        track.warp = fit->warp;
-        continue;
-      }
-    }
-    track.anchor = AnchorPatch::cut(left.image, track.left);
-    track.warp = {};
-  }
 }
 
 /// Two views of a static world have one epipolar geometry. `before`: the same tracks, as they were.
@@ -288,7 +288,8 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
   }
 }
 
-StereoFrame FrontEnd::features(const Picture& left, Stamp stamp) const {
+/// `seconds`: since the pair before, over which a filter spreads what a new anchor did to a track.
+StereoFrame FrontEnd::features(const Picture& left, Stamp stamp, double seconds) const {
   std::vector<cv::Point2f> points;
   StereoFrame frame{stamp, {}};
   for (const Track& track : tracks_) {
@@ -298,14 +299,12 @@ StereoFrame FrontEnd::features(const Picture& left, Stamp stamp) const {
         (kPriorWeight * kPriorSigma * kPriorSigma + track.square_sum) / (kPriorWeight + track.weight);
     // As a message holds them.
     const float sigma = static_cast<float>(track.magnification * std::sqrt(variance));
-    const float walk =
-        static_cast<float>(track.magnification * kTrackWalk *
-                           std::min(1.0, cv::norm(track.left - track.left_before) / kWalkingFlow));
+    const double walk = track.strayed > 0.0 ? track.magnification * track.strayed / std::sqrt(seconds) : 0.0;
     frame.features.push_back(
         {track.id,
          {track.left_rectified.x, track.left_rectified.y, track.right_rectified.x, track.right_rectified.y},
          static_cast<double>(sigma),
-         static_cast<double>(walk)});
+         static_cast<double>(static_cast<float>(walk))});
     points.push_back(track.left);
   }
   const auto descriptors = describePoints(left.image, points);

@@ -19,6 +19,9 @@ class AnchorPatch {
     Eigen::Vector2f slant = Eigen::Vector2f::Zero(); ///< 1/px
   };
 
+  /// Shift, shape and slant, each in px at the patch's edge.
+  using Parameters = Eigen::Matrix<float, 8, 1>;
+
   struct Fit {
     Warp warp;
     double correlation = 0.0; ///< normalised, of the patch and what lies there
@@ -32,8 +35,9 @@ class AnchorPatch {
   /// Nothing where the patch is not inside the image or has no contrast.
   static std::optional<AnchorPatch> cut(const cv::Mat& image, const cv::Point2f& centre);
 
-  /// Gauss-Newton, inverse compositional (Baker and Matthews 2004), from `start`; nothing where it leaves the
-  /// image or does not converge.
+  /// Gauss-Newton with the gradients of both images (efficient second-order minimisation, Benhimane and Malis
+  /// 2004), from `start`, near which the shape is expected; nothing where it leaves the image or does not
+  /// converge.
   std::optional<Fit> align(const cv::Mat& image, const Warp& start) const;
 
  private:
@@ -41,10 +45,27 @@ class AnchorPatch {
   // which it sums, and so the last digit, does not depend on where in memory they are.
   static constexpr int kPadded = (kPixels + 15) / 16 * 16;
   using Pixels = Eigen::Matrix<float, kPadded, 1>;
-  static constexpr int kParameters = 8; ///< shift, shape, slant
+  enum class Axis { kAcross, kDown };
 
-  Pixels values_;     ///< mean 0, norm 1
-  Eigen::Matrix<float, kParameters, kPadded> gain_; ///< of the parameters on how values are others
+  struct View {
+    Pixels values = Pixels::Zero();                        ///< mean 0, norm 1
+    Pixels across = Pixels::Zero(), down = Pixels::Zero(); ///< their gradient, 1/px of the patch
+  };
+
+  /// Normal equations of the step, without what brightness and contrast explain.
+  struct Normal {
+    Eigen::Matrix<float, 8, 8> H;
+    Parameters b;
+  };
+
+  /// Of the pixels, 1 at the patch's edge.
+  static const Pixels& coordinates(Axis axis);
+  /// False where it is not inside the image or has no contrast.
+  static bool look(const cv::Mat& image, const Warp& warp, View& view);
+
+  Normal linearise(const View& there, float correlation) const;
+
+  View view_; ///< where it was cut
 };
 
 } // namespace vi_ekf_slam

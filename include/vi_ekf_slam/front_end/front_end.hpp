@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
-#include "vi_ekf_slam/front_end/anchor_patch.hpp"
 #include "vi_ekf_slam/front_end/corner_detector.hpp"
 #include "vi_ekf_slam/front_end/ego_motion.hpp"
 #include "vi_ekf_slam/front_end/gyro_rotation.hpp"
 #include "vi_ekf_slam/front_end/picture.hpp"
 #include "vi_ekf_slam/front_end/stereo_calibration.hpp"
 #include "vi_ekf_slam/front_end/stereo_matcher.hpp"
+#include "vi_ekf_slam/front_end/track.hpp"
 
 namespace vi_ekf_slam {
 
@@ -21,25 +21,6 @@ namespace vi_ekf_slam {
 struct StereoImages {
   Stamp stamp = 0;
   cv::Mat left, right;
-};
-
-/// One point that is followed.
-struct Track {
-  FeatureId id = 0;
-  Stamp begin = 0;
-  cv::Point2f left;                ///< px, in the image that came
-  cv::Point2f left_before;         ///< px, in the image of the pair before
-  cv::Point2d left_rectified;      ///< px
-  double magnification = 1.0;      ///< rectified px for one px of the image that came
-  cv::Point2f right;               ///< px, in the image that came; valid where matched
-  cv::Point2d right_rectified;     ///< px
-  std::optional<double> disparity; ///< px, of the last match
-  bool matched = false;            ///< in the last pair
-  int unmatched = 0;               ///< pairs in a row without a match
-  std::optional<AnchorPatch>
-      anchor; ///< what it looked like in the left image when it began, or since its looks changed
-  AnchorPatch::Warp warp;                ///< of the anchor to the last left image
-  double square_sum = 0.0, weight = 0.0; ///< px^2 of the image that came and count, of its row residuals
 };
 
 /// What the front end did with one pair.
@@ -94,15 +75,15 @@ class FrontEnd {
   bool hasGap(Stamp stamp) const;
   void followLight(const Light& light, Stamp stamp);
   SE3 predictMotion(Stamp stamp);
-  std::vector<cv::Point2f> predict(const SE3& now_T_before) const;
+  std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
+  std::vector<bool> find(const Picture& left, const std::vector<TrackPrediction>& predictions);
   void learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp);
   void follow(const Picture& left, Stamp stamp);
   void rectify(std::vector<Track>& tracks) const;
-  void refine(const Picture& left);
   void rejectOutliers(std::vector<Track>& before);
   void beginTracks(const Picture& left, Stamp stamp);
   void matchTracks(const Picture& left, const Picture& right);
-  StereoFrame features(const Picture& left, Stamp stamp) const;
+  StereoFrame features(const Picture& left, Stamp stamp, double seconds) const;
   void summarise(Stamp stamp);
 
   StereoCalibration calibration_;

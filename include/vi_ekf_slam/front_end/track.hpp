@@ -1,0 +1,46 @@
+#pragma once
+
+#include <optional>
+
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/front_end/anchor_patch.hpp"
+
+namespace vi_ekf_slam {
+
+/// One point that is followed.
+struct Track {
+  FeatureId id = 0;
+  Stamp begin = 0;
+  cv::Point2f left;                  ///< px, in the image that came
+  cv::Point2f left_before;           ///< px, in the image of the pair before
+  cv::Point2d left_rectified;        ///< px
+  double magnification = 1.0;        ///< rectified px for one px of the image that came
+  cv::Point2f right;                 ///< px, in the image that came; valid where matched
+  cv::Point2d right_rectified;       ///< px
+  std::optional<double> disparity;   ///< px, of the last match
+  bool matched = false;              ///< in the last pair
+  int unmatched = 0;                 ///< pairs in a row without a match
+  std::optional<AnchorPatch> anchor; ///< what it looked like when it began, or since its looks changed
+  AnchorPatch::Warp warp;            ///< of the anchor to the last left image
+  double strayed =
+      0.0; ///< px, STANDARD DEVIATION of how far new anchors have led it away since it last went out
+  double square_sum = 0.0, weight = 0.0; ///< px^2 of the image that came and count, of its row residuals
+};
+
+/// Where a track should be in the image that comes.
+struct TrackPrediction {
+  cv::Point2f pixel;
+  float magnification = 1.0f; ///< against the image before
+};
+
+/// Aligns what the track's anchor shows with the image `now`, or else what image `before` shows where the
+/// track was, which is its anchor then. False, and the track as it was, where neither looks like it within
+/// `reach` px of the prediction.
+bool alignTrack(const cv::Mat& before, const cv::Mat& now, const TrackPrediction& prediction, float reach,
+                Track& track);
+
+/// Puts the track where it is in the image `now`, by other means than its looks, and begins a new anchor
+/// there.
+void anchorAnew(const cv::Mat& now, const cv::Point2f& pixel, Track& track);
+
+} // namespace vi_ekf_slam
