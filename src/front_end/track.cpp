@@ -6,9 +6,9 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kMinCorrelation = 0.9;
-// px, how far a new anchor leads a track away, against the points that tracks began at on drawn streets. Cut
-// from the image before: two thirds are within 0.23 px in columns and 0.15 in rows; where flow alone knew how
-// the track went on, within 0.58 and 0.37 (docs/front_end.md).
+// px, how far a new anchor leads a track away, against the points that tracks began at on drawn streets: the
+// mean of columns and rows that two thirds are within. Cut from the image before 0.32 and 0.19, where flow
+// alone knew how the track went on 0.84 and 0.35 (docs/front_end.md).
 constexpr double kByNewAnchor = 0.25, kByFlow = 0.6;
 
 /// Whether the anchor looks like what is there.
