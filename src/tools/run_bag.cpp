@@ -148,9 +148,9 @@ int run(const RunBagOptions& options) {
   });
   system.onImu([&writer](const Output& output) { writer.addGyro(output); });
   system.onNoise([&say](const StreamNoise& noise) { say("noise: " + toText(noise)); });
-  system.onReset([&writer](const std::string& reason) {
+  system.onReset([&writer](const std::string& reason, const PathEstimate& path) {
     std::cerr << "run_bag: reset: " << reason << std::endl;
-    writer.restart();
+    writer.restart(path);
   });
   if (input.has(options.topics.twist_bias)) system.awaitBiasPrior();
   Intake intake(system, config.ros, options.topics);

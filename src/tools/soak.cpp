@@ -136,7 +136,7 @@ class Soak {
       sequencer_.addFrame(output);
       writer_.addFrame(output);
     });
-    system_.onReset([this](const std::string& reason) { problem("reset: " + reason); });
+    system_.onReset([this](const std::string& reason, const PathEstimate&) { problem("reset: " + reason); });
   }
 
   /// Whether all went well.

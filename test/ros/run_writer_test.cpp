@@ -109,6 +109,29 @@ TEST_F(RunWriterFiles, what_came_before_a_reset_is_kept_apart) {
   EXPECT_FALSE(fs::exists(directory_ + "/before_reset_2"));
 }
 
+TEST_F(RunWriterFiles, what_is_known_of_a_path_at_a_reset_is_kept_with_it) {
+  writer_.addFrame(output(10, 0.0));
+  writer_.restart(); // nobody knows of it
+  writer_.addFrame(output(20, 0.0));
+  PathNode node;
+  node.stamp = 20;
+  node.before = node.after = output(20, 0.0).state.world_T_imu;
+  node.now = SE3(Eigen::Matrix3d::Identity(), {0.0, 0.0, 0.5}) * node.after;
+  writer_.restart(PathEstimate{{node}, {}});
+  writer_.addFrame(output(30, 0.0));
+  writer_.writeTrajectory(directory_);
+  EXPECT_FALSE(fs::exists(directory_ + "/before_reset_1/trajectory_smoothed.tum"));
+  ASSERT_EQ(1U, lines("before_reset_2/trajectory_smoothed.tum").size());
+  ASSERT_EQ(2U, lines("before_reset_2/covariance_smoothed.csv").size()); // with the header
+  const auto height = [this](const std::string& name) {
+    std::istringstream line(lines("before_reset_2/" + name).front());
+    double stamp, x, y, z;
+    line >> stamp >> x >> y >> z;
+    return z;
+  };
+  EXPECT_NEAR(0.5, height("trajectory_smoothed.tum") - height("trajectory.tum"), 1e-9);
+}
+
 TEST_F(RunWriterFiles, map_and_summary_read_back) {
   LandmarkEstimate landmark;
   landmark.id = 18446744073709551615ULL;

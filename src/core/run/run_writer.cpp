@@ -7,6 +7,7 @@
 #include <numeric>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/core/run/rig_calibration.hpp"
@@ -162,9 +163,10 @@ void RunWriter::addGyro(const Output& output) {
   if (!run.has_frames) run.records.add(toRecord(output));
 }
 
-void RunWriter::restart() {
+void RunWriter::restart(std::optional<PathEstimate> path) {
   if (empty()) return;
   runs_.back().records.close();
+  runs_.back().path = std::move(path);
   runs_.push_back({RunRecords(spool_)});
 }
 
@@ -196,11 +198,16 @@ void RunWriter::writeRun(const std::string& directory, const Run& run) {
 }
 
 void RunWriter::writeSmoothed(const std::string& directory, const PathEstimate& path) const {
+  writeSmoothed(directory, runs_.back().records, path);
+}
+
+void RunWriter::writeSmoothed(const std::string& directory, const RunRecords& records,
+                              const PathEstimate& path) {
   makeDirectory(directory);
   AtomicFile trajectory(pathIn(directory, kSmoothed));
   AtomicFile covariance(pathIn(directory, kSmoothedCovariance));
   covariance << covarianceHeader();
-  runs_.back().records.forEach([&](const RunRecord& r) {
+  records.forEach([&](const RunRecord& r) {
     const PathEstimate::Pose now =
         path.at(r.stamp, toPose(r.world_T_imu), Eigen::Map<const Matrix6d>(r.pose_covariance.data()));
     trajectory << tumLine(r.stamp, now.world_T_imu);
@@ -212,7 +219,9 @@ void RunWriter::writeSmoothed(const std::string& directory, const PathEstimate& 
 void RunWriter::writeTrajectory(const std::string& directory) const {
   writeRun(directory, runs_.back());
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
-    writeRun((fs::path(directory) / (kBeforeReset + std::to_string(i + 1))).string(), runs_[i]);
+    const std::string earlier = (fs::path(directory) / (kBeforeReset + std::to_string(i + 1))).string();
+    writeRun(earlier, runs_[i]);
+    if (runs_[i].path) writeSmoothed(earlier, runs_[i].records, *runs_[i].path);
   }
 }
 

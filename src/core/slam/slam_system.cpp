@@ -228,6 +228,7 @@ void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();
   buffer_.clear();
+  const PathEstimate path = handlers_.reset ? estimator_->path() : PathEstimate();
   estimator_ = makeEstimator();
   told_starts_.clear();
   imu_check_.restart();
@@ -236,7 +237,7 @@ void SlamSystem::reset(const std::string& reason) {
   first_stamp_.reset();
   blindness_.restart();
   ++counts_.resets;
-  if (handlers_.reset) handlers_.reset(reason);
+  if (handlers_.reset) handlers_.reset(reason, path);
 }
 
 void SlamSystem::requireJointMap(const std::string& source) const {

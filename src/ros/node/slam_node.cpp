@@ -74,7 +74,7 @@ void SlamNode::connectSystem() {
   system_.onStart([](const std::string& text) { ROS_INFO_STREAM(text); });
   if (!system_.motionText().empty()) ROS_INFO_STREAM("motion: " << system_.motionText());
   system_.onImuProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
-  system_.onReset([this](const std::string& reason) { handleReset(reason); });
+  system_.onReset([this](const std::string& reason, const PathEstimate& path) { handleReset(reason, path); });
   intake_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
 }
 
@@ -194,13 +194,13 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
   results_.add(output, is_frame);
 }
 
-void SlamNode::handleReset(const std::string& reason) {
+void SlamNode::handleReset(const std::string& reason, const PathEstimate& path) {
   ROS_WARN_STREAM("reset: " << reason << "; state, map and paths start anew");
   sequencer_.endOfDrain();
   diagnostics_.restart();
   intake_.restartTransforms();
   publishers_.restart();
-  results_.restart();
+  results_.restart(path);
 }
 
 /// Why nothing was done; empty: it was.

@@ -105,7 +105,7 @@ Told driveThrough(double gap, EstimatorType type) {
   config.estimator = type;
   SlamSystem system(config);
   Told told;
-  system.onReset([&](const std::string& reason) { told.reasons.push_back(reason); });
+  system.onReset([&](const std::string& reason, const PathEstimate&) { told.reasons.push_back(reason); });
   system.onFrame([&](const Output& output) {
     told.finite = told.finite && output.state.pose_covariance.allFinite();
     if (secondsBetween(fromSeconds(1003.0), output.state.stamp) >= gap - 0.05 && told.position == 0.0)

@@ -34,7 +34,7 @@ struct Record {
   void listenTo(SlamSystem& system) {
     system.onImu([this](const Output& output) { add("gyro ", output); });
     system.onFrame([this](const Output& output) { add("frame ", output); });
-    system.onReset([this](const std::string& reason) {
+    system.onReset([this](const std::string& reason, const PathEstimate&) {
       events.emplace_back("reset");
       reasons.push_back(reason);
     });

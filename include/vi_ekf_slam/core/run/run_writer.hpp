@@ -37,7 +37,7 @@ struct RunSummary {
 /// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
 ///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
 /// - trajectory_smoothed.tum, covariance_smoothed.csv: the same moments as they are known at the end
-///   (PathEstimate), after loops were closed; not of earlier starts.
+///   (PathEstimate), after loops were closed; of earlier starts where a reset ended them.
 /// - frames.csv: the FrameReport of each frame. landmarks.csv: final map. summary.yaml: counts and times.
 /// - calibration.yaml: where some of it was estimated, see rigCalibrationText.
 ///
@@ -60,8 +60,8 @@ class RunWriter {
   /// Kept only as long as there is no frame.
   void addGyro(const Output& output);
   /// A new start (the clock may have gone back): earlier results go to DIR/before_reset_1, _2, ... from now
-  /// on.
-  void restart();
+  /// on. `path`: what is known of them; nothing: they are as they were estimated at the time.
+  void restart(std::optional<PathEstimate> path = std::nullopt);
 
   bool empty() const { return runs_.back().records.empty(); }
   bool hasFrames() const { return runs_.back().has_frames; }
@@ -86,10 +86,13 @@ class RunWriter {
   struct Run {
     RunRecords records;
     bool has_frames = false;
+    std::optional<PathEstimate> path = std::nullopt; ///< once it has ended
   };
 
   static RunRecord toRecord(const Output& output);
   static void writeRun(const std::string& directory, const Run& run);
+  static void writeSmoothed(const std::string& directory, const RunRecords& records,
+                            const PathEstimate& path);
 
   std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
   std::vector<Run> runs_{{RunRecords(spool_)}};

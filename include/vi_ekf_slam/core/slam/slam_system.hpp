@@ -72,8 +72,9 @@ class SlamSystem {
   void onFrame(std::function<void(const Output&)> handler) { handlers_.frame = std::move(handler); }
   /// Called after each gyro sample (the rate of smooth odometry).
   void onImu(std::function<void(const Output&)> handler) { handlers_.gyro = std::move(handler); }
-  /// Called after a reset, with the reason.
-  void onReset(std::function<void(const std::string&)> handler) { handlers_.reset = std::move(handler); }
+  /// Called after a reset, with the reason and the path that ended, as it was known last.
+  using ResetHandler = std::function<void(const std::string& reason, const PathEstimate& path)>;
+  void onReset(ResetHandler handler) { handlers_.reset = std::move(handler); }
   /// Called when a sensor is used for the first time: which noise it is taken to have, and from where.
   void onNoise(std::function<void(const StreamNoise&)> handler) { handlers_.noise = std::move(handler); }
 
@@ -144,7 +145,8 @@ class SlamSystem {
  private:
   struct Handlers {
     std::function<void(const Output&)> frame, gyro;
-    std::function<void(const std::string&)> reset, start;
+    ResetHandler reset;
+    std::function<void(const std::string&)> start;
     std::function<void(const StreamNoise&)> noise;
   };
 

@@ -3,7 +3,9 @@
 #include <atomic>
 #include <functional>
 #include <future>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/run/run_writer.hpp"
@@ -29,7 +31,7 @@ class Results {
   // In the worker.
   void add(const Output& output, bool is_frame);
   /// Earlier poses are in another frame, or of another start.
-  void restart() { writer_.restart(); }
+  void restart(std::optional<PathEstimate> path = std::nullopt) { writer_.restart(std::move(path)); }
   void autosaveIfDue();
 
   // In any other thread.

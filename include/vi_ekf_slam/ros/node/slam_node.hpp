@@ -67,7 +67,7 @@ class SlamNode {
   void process(WorkQueue::Item& item);
   void tend(bool is_pause);
   void handleOutput(const Output& output, bool is_frame);
-  void handleReset(const std::string& reason);
+  void handleReset(const std::string& reason, const PathEstimate& path);
   std::string setPose(const geometry_msgs::PoseWithCovarianceStamped& message);
   std::string setState(const SetState::Request& request);
   void noteArrival(Stream stream, const ros::Time& stamp);

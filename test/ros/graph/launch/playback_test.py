@@ -124,7 +124,8 @@ class Playback(LaunchRunner):
         output = self.run_bag()
         self.assertIn("21 poses from before are in %s/before_reset_1\n" % output, self.said)
         self.assertEqual([21], yaml.safe_load(_read(output, "summary.yaml"))["poses_before_resets"])
-        self.assertEqual(21, len(_read(output, "before_reset_1", "trajectory.tum").splitlines()))
+        for name in ("trajectory.tum", "trajectory_smoothed.tum"):
+            self.assertEqual(21, len(_read(output, "before_reset_1", name).splitlines()))
 
     def test_run_bag_without_a_configuration_takes_the_default_one(self):
         """Which is built in; its summary says so, and which noise it took from where."""
