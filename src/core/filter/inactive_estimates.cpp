@@ -17,20 +17,36 @@ struct Since {
   Eigen::MatrixXd information;
   Eigen::VectorXd correction;
 
-  /// Of a variable that left with covariance `own`, and `cross` with the active errors at the block's end.
-  InactiveStore::Estimate estimate(const InactiveVariable& variable, Eigen::MatrixXd own,
-                                   const Eigen::Ref<const Eigen::MatrixXd>& cross) const {
-    InactiveStore::Estimate now{variable, std::move(own)};
-    now.variable.mean += cross.transpose() * correction;
-    if (information.size() > 0) now.covariance -= cross.transpose() * (information * cross).eval();
-    mirrorLower(now.covariance);
-    return now;
+  /// Of those of a part: `own` of one's rows (row, rows) its covariance there, `cross` of some (first row,
+  /// rows) that with the active errors at the block's end.
+  template <class Own, class Cross>
+  void estimate(const std::vector<Eigen::Index>& first, const InactiveVariable* variables, const Own& own,
+                const Cross& cross, InactiveStore::Estimate* result) const {
+    constexpr std::size_t kAtATime = 64;
+    const std::size_t count = first.size() - 1;
+    for (std::size_t begin = 0; begin < count; begin += kAtATime) {
+      const std::size_t end = std::min(count, begin + kAtATime);
+      const Eigen::MatrixXd C = cross(first[begin], first[end] - first[begin]);
+      const Eigen::VectorXd moved = C.transpose() * correction;
+      Eigen::MatrixXd learned;
+      if (information.size() > 0) learned.noalias() = information * C;
+      for (std::size_t i = begin; i < end; ++i) {
+        const Eigen::Index row = first[i] - first[begin], rows = first[i + 1] - first[i];
+        result[i] = {variables[i], own(first[i], rows)};
+        result[i].variable.mean += moved.segment(row, rows);
+        if (information.size() > 0)
+          result[i].covariance.noalias() -=
+              C.middleCols(row, rows).transpose() * learned.middleCols(row, rows);
+        mirrorLower(result[i].covariance);
+      }
+    }
   }
   /// From the end of a block to its beginning.
   void goBack(const inactive::Block& block) {
-    const auto F = block.F.leftCols(block.begin);
-    correction = (block.correction + F.transpose() * correction).eval();
-    if (information.size() > 0) information = (F.transpose() * information * F).eval() + block.information;
+    correction = block.back(correction.transpose()).transpose() + block.correction();
+    if (information.size() == 0) return;
+    const Eigen::MatrixXd half = block.back(information).transpose();
+    information = block.back(half) + block.information();
   }
 };
 
@@ -60,18 +76,17 @@ std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const 
   for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
     const Block& block = **b;
     next -= block.count();
-    for (std::size_t i = 0; i < block.count(); ++i) {
-      const Eigen::Index row = block.first[i], rows = block.first[i + 1] - row;
-      result[next + i] = since.estimate(variables_[next + i], block.own.block(row, row, rows, rows),
-                                        block.F.middleCols(block.begin + row, rows));
-    }
+    since.estimate(
+        block.first, &variables_[next],
+        [&](Eigen::Index row, Eigen::Index rows) { return block.own->block(row, row, rows, rows); },
+        [&](Eigen::Index row, Eigen::Index rows) { return block.cross.middleCols(row, rows); },
+        &result[next]);
     since.goBack(block);
   }
-  for (std::size_t i = 0; i < settled_->count(); ++i) {
-    const Eigen::Index row = settled_->first[i], rows = settled_->first[i + 1] - row;
-    result[i] = since.estimate(variables_[i], settled_->covariance.block(row, row, rows, rows),
-                               cross_.middleCols(row, rows));
-  }
+  since.estimate(
+      settled_->first, variables_.data(),
+      [&](Eigen::Index row, Eigen::Index rows) { return settled_->covariance.block(row, row, rows, rows); },
+      [&](Eigen::Index row, Eigen::Index rows) { return cross_.middleCols(row, rows); }, result.data());
   result.erase(std::remove_if(result.begin(), result.end(),
                               [](const Estimate& e) { return e.variable.handle == kTaken; }),
                result.end());
@@ -97,19 +112,14 @@ InactiveStore::Related InactiveStore::related(Handle handle) const {
   } else {
     i -= settled_->count();
     for (; block != blocks_.end() && i >= (*block)->count(); ++block) i -= (*block)->count();
-    const Eigen::Index n = block == blocks_.end() ? open_.begin : (*block)->begin;
     const auto [row, rows] = block == blocks_.end() ? rowsIn(open_) : rowsIn(**block);
-    if (block == blocks_.end()) return {estimateInOpen(i), open_.F.block(0, n + row, rows_, rows)};
-    carried.join((*block)->F.middleCols(n + row, rows), Eigen::MatrixXd(rows, 0),
-                 (*block)->own.block(row, row, rows, rows));
+    if (block == blocks_.end()) return {estimateInOpen(i), open_.F.block(0, open_.begin + row, rows_, rows)};
+    carried.join((*block)->cross.middleCols(row, rows), Eigen::MatrixXd(rows, 0),
+                 (*block)->own->block(row, row, rows, rows));
     ++block;
   }
-  for (; block != blocks_.end(); ++block)
-    carried.pass((*block)->F.leftCols((*block)->begin), (*block)->information, (*block)->correction);
-  const Eigen::Index n = open_.begin;
-  carried.pass(open_.F.topLeftCorner(rows_, n),
-               Eigen::MatrixXd(open_.information.topLeftCorner(n, n).selfadjointView<Eigen::Lower>()),
-               open_.correction.head(n));
+  for (; block != blocks_.end(); ++block) (*block)->pass(carried);
+  passOpen(carried);
   estimate.variable.mean += carried.moved;
   estimate.covariance = std::move(carried.own);
   mirrorLower(estimate.covariance);
@@ -123,13 +133,11 @@ std::vector<Handle> InactiveStore::handles() const {
 }
 
 std::size_t InactiveStore::bytes() const {
-  const auto bytesOf = [](const auto& m) { return static_cast<std::size_t>(m.size()) * sizeof(double); };
-  const auto bytesOfBlock = [&](const Block& b) {
-    return bytesOf(b.F) + bytesOf(b.information) + bytesOf(b.origin) + bytesOf(b.own);
-  };
-  std::size_t total = settled_->covariance.bytes() + cross_.bytes() + bytesOfBlock(open_);
-  for (const auto& block : blocks_) total += bytesOfBlock(*block);
-  return total;
+  const Eigen::Index open =
+      open_.F.size() + open_.information.size() + open_.origin.size() + open_.own.size();
+  std::size_t total = settled_->covariance.bytes() + cross_.bytes();
+  for (const auto& block : blocks_) total += block->bytes();
+  return total + static_cast<std::size_t>(open) * sizeof(double);
 }
 
 } // namespace vi_ekf_slam

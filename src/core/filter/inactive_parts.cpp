@@ -4,10 +4,25 @@
 
 namespace vi_ekf_slam::inactive {
 
-Eigen::MatrixXd StackedRows::middleCols(Eigen::Index column, Eigen::Index count) const {
-  Eigen::Index rows = 0, row = 0;
+Eigen::Index StackedRows::rows() const {
+  Eigen::Index rows = 0;
   for (const auto& part : parts_) rows += part->rows();
-  Eigen::MatrixXd result(rows, count);
+  return rows;
+}
+
+Eigen::MatrixXd StackedRows::operator*(const Eigen::Ref<const Eigen::MatrixXd>& R) const {
+  Eigen::Index row = 0;
+  Eigen::MatrixXd result(rows(), R.cols());
+  for (const auto& part : parts_) {
+    result.middleRows(row, part->rows()).noalias() = *part * R;
+    row += part->rows();
+  }
+  return result;
+}
+
+Eigen::MatrixXd StackedRows::middleCols(Eigen::Index column, Eigen::Index count) const {
+  Eigen::Index row = 0;
+  Eigen::MatrixXd result(rows(), count);
   for (const auto& part : parts_) {
     result.middleRows(row, part->rows()) = part->middleCols(column, count);
     row += part->rows();
@@ -16,7 +31,7 @@ Eigen::MatrixXd StackedRows::middleCols(Eigen::Index column, Eigen::Index count)
 }
 
 Eigen::MatrixXd StackedRows::columns(const std::vector<Eigen::Index>& list) const {
-  Eigen::MatrixXd result(middleCols(0, 0).rows(), static_cast<Eigen::Index>(list.size()));
+  Eigen::MatrixXd result(rows(), static_cast<Eigen::Index>(list.size()));
   for (Eigen::Index column = 0; column < result.cols(); ++column)
     result.col(column) = middleCols(list[static_cast<std::size_t>(column)], 1);
   return result;
@@ -40,6 +55,56 @@ void Carried::join(const Eigen::MatrixXd& more_cross, const Eigen::MatrixXd& wit
   own.bottomRightCorner(more, more) = more_own;
   moved.conservativeResize(before + more);
   moved.tail(more).setZero();
+}
+
+Eigen::MatrixXd Block::back(const Eigen::Ref<const Eigen::MatrixXd>& A) const {
+  const Eigen::Index n = passage->F.rows(), n0 = passage->F.cols(), a = A.cols() - n;
+  Eigen::MatrixXd result(A.rows(), atBegin());
+  result.leftCols(n0).noalias() = A.leftCols(n) * passage->F;
+  if (a > 0) result.leftCols(n0).noalias() += A.rightCols(a) * added.all();
+  for (Eigen::Index i = n0; i < result.cols(); ++i)
+    result.col(i) = A.col(n + through[static_cast<std::size_t>(i - n0)]);
+  return result;
+}
+
+Eigen::MatrixXd Block::pass(Carried& carried) const {
+  const Eigen::Index n = passage->F.rows(), n0 = passage->F.cols();
+  const auto C = carried.cross.topRows(n0);
+  Eigen::MatrixXd learned = passage->information * C;
+  carried.moved.noalias() += C.transpose() * passage->correction;
+  carried.own.noalias() -= C.transpose() * learned;
+  Eigen::MatrixXd at_end(atEnd(), C.cols());
+  at_end.topRows(n).noalias() = passage->F * C;
+  at_end.bottomRows(added.rows()) = added * C;
+  for (std::size_t i = 0; i < through.size(); ++i)
+    at_end.row(n + through[i]) += carried.cross.row(n0 + static_cast<Eigen::Index>(i));
+  carried.cross.swap(at_end);
+  return learned;
+}
+
+Eigen::MatrixXd Block::information() const {
+  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(atBegin(), atBegin());
+  result.topLeftCorner(passage->F.cols(), passage->F.cols()) = passage->information;
+  return result;
+}
+
+Eigen::VectorXd Block::correction() const {
+  Eigen::VectorXd result = Eigen::VectorXd::Zero(atBegin());
+  result.head(passage->F.cols()) = passage->correction;
+  return result;
+}
+
+std::size_t Block::bytes() const {
+  const Eigen::Index size = passage->F.size() + passage->information.size() + origin->size() + own->size();
+  return static_cast<std::size_t>(size) * sizeof(double) + added.bytes() + cross.bytes();
+}
+
+void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
+  if (rows <= matrix.rows() && cols <= matrix.cols()) return;
+  const auto enough = [](Eigen::Index needed, Eigen::Index held) {
+    return needed <= held ? held : needed + needed / 4;
+  };
+  matrix.conservativeResize(enough(rows, matrix.rows()), enough(cols, matrix.cols()));
 }
 
 Eigen::MatrixXd columnsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept) {

@@ -38,34 +38,32 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
   const Eigen::Index all = settled.rows();
   SymmetricPanels& P = settled.covariance;
   P.resize(all);
-  const Block& last = *blocks.back();
+  const Eigen::Index end = blocks.back()->atEnd();
   Composed result;
-  Eigen::MatrixXd cross(last.F.rows(), all);
+  Eigen::MatrixXd cross(end, all);
   result.moved = Eigen::VectorXd::Zero(all);
-  Eigen::Index first = all - last.left();
-  cross.rightCols(last.left()) = last.F.rightCols(last.left());
-  P.set(first, first, last.own);
-  Eigen::MatrixXd F = last.F.leftCols(last.begin), information = last.information, later = last.origin;
-  Eigen::VectorXd correction = last.correction;
-  for (std::size_t b = blocks.size() - 1; b-- > 0;) {
-    const Block& block = *blocks[b];
+  Eigen::Index first = all;
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(end, end), information = Eigen::MatrixXd::Zero(end, end);
+  Eigen::MatrixXd later(0, end);
+  Eigen::VectorXd correction = Eigen::VectorXd::Zero(end);
+  for (auto b = blocks.rbegin(); b != blocks.rend(); ++b) {
+    const Block& block = **b;
     const Eigen::Index own = block.left(), here = first - own;
-    const auto block_F = block.F.leftCols(block.begin);
-    const auto block_cross = block.F.rightCols(own);
+    const Eigen::MatrixXd block_cross = block.cross.all();
     const Eigen::MatrixXd learned = block_cross.transpose() * information;
     cross.middleCols(here, own).noalias() = F * block_cross;
     P.set(first, here, later * block_cross);
-    P.set(here, here, block.own - learned * block_cross);
+    P.set(here, here, *block.own - learned * block_cross);
     result.moved.segment(here, own).noalias() = block_cross.transpose() * correction;
-    Eigen::MatrixXd joined(own + later.rows(), block.begin);
-    joined.topRows(own) = block.origin;
-    joined.topRows(own).noalias() -= learned * block_F;
-    joined.bottomRows(later.rows()).noalias() = later * block_F;
+    Eigen::MatrixXd joined(own + later.rows(), block.atBegin());
+    joined.topRows(own) = -block.back(learned);
+    joined.topLeftCorner(own, block.origin->cols()) += *block.origin;
+    joined.bottomRows(later.rows()) = block.back(later);
     later.swap(joined);
     first = here;
-    F = (F * block_F).eval();
-    information = (block_F.transpose() * information * block_F).eval() + block.information;
-    correction = block.correction + block_F.transpose() * correction;
+    F = block.back(F);
+    information = block.back(Eigen::MatrixXd(block.back(information).transpose())) + block.information();
+    correction = block.back(correction.transpose()).transpose() + block.correction();
   }
   if (old > 0) {
     const Eigen::MatrixXd learned = information * before;
@@ -194,16 +192,21 @@ std::vector<std::size_t> InactiveStore::keptOfSettled() const {
 
 /// Of the products in composed().
 double InactiveStore::settlingCost() const {
-  const auto size = static_cast<double>(rows_);
-  double n = static_cast<double>(open_.begin), later = static_cast<double>(open_.left()), cost = 0.0;
+  const auto of = [](Eigen::Index size) { return static_cast<double>(size); };
+  const double size = of(rows_), opened = of(open_.begin);
+  double later = of(open_.left()), begin = opened;
+  double cost = 2.0 * opened * (size + later) * opened;
   for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
-    const auto begin = static_cast<double>((*b)->begin), left = static_cast<double>((*b)->left());
-    cost += 2.0 * n * (left * (n + left + begin) + (size + later) * (left + begin) + begin * (n + begin));
-    n = begin;
+    const Block& block = **b;
+    const double end = begin, left = of(block.left());
+    begin = of(block.atBegin());
+    cost +=
+        2.0 * end *
+        (left * (end + left + size + later) + of(block.origin->cols()) * (left + size + later + end + begin));
     later += left;
   }
-  const auto old = static_cast<double>(settled_->rows());
-  return cost + n * old * (old + 2.0 * (size + later + n));
+  const double old = of(settled_->rows());
+  return cost + begin * old * (old + 2.0 * (size + later + begin));
 }
 
 } // namespace vi_ekf_slam

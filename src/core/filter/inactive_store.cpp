@@ -11,29 +11,21 @@
 namespace vi_ekf_slam {
 namespace {
 
-// A block ends when as many rows have left as half of those that it began with: with fewer there would be
-// many blocks to settle, with more each update would have much to take along.
+// A block ends when as many rows have left, or come back, as half of those that it began with: with fewer
+// there would be many blocks to settle, with more each update would have much to take along.
 constexpr double kShareThatLeaves = 0.5;
 constexpr double kMostThatLeave = 2.0; // of them, where a better moment to end it does not come
-
-void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {
-  if (rows <= matrix.rows() && cols <= matrix.cols()) return;
-  const auto enough = [](Eigen::Index needed, Eigen::Index held) {
-    return needed <= held ? held : needed + needed / 4;
-  };
-  matrix.conservativeResize(enough(rows, matrix.rows()), enough(cols, matrix.cols()));
-}
 
 } // namespace
 
 /// From here on: F = I, nothing learned.
 void InactiveStore::begin(Eigen::Index rows) {
-  rows_ = rows;
+  rows_ = began_with_ = rows;
   open_.first.assign(1, 0);
   open_.begin = rows;
   const Eigen::Index room = rows + static_cast<Eigen::Index>(kShareThatLeaves * static_cast<double>(rows));
-  grow(open_.F, rows, room);
-  grow(open_.information, room, room);
+  inactive::grow(open_.F, rows, room);
+  inactive::grow(open_.information, room, room);
   open_.F.topLeftCorner(rows, rows).setIdentity();
   open_.information.topLeftCorner(rows, rows).setZero();
   open_.correction = Eigen::VectorXd::Zero(rows);
@@ -44,16 +36,17 @@ void InactiveStore::begin(Eigen::Index rows) {
 /// The open block as one that ends now.
 InactiveStore::Block InactiveStore::closed() const {
   const Eigen::Index n = open_.begin, k = open_.left();
+  Eigen::MatrixXd information = open_.information.topLeftCorner(n, n);
+  mirrorLower(information);
+  Eigen::MatrixXd own = open_.own - Eigen::MatrixXd(open_.information.block(n, n, k, k));
+  mirrorLower(own);
   Block block;
-  block.begin = n;
+  block.passage = std::make_shared<const Block::Passage>(
+      Block::Passage{open_.F.topLeftCorner(rows_, n), std::move(information), open_.correction.head(n)});
   block.first = open_.first;
-  block.F = open_.F.topLeftCorner(rows_, n + k);
-  block.information = open_.information.topLeftCorner(n, n);
-  mirrorLower(block.information);
-  block.correction = open_.correction.head(n);
-  block.origin = open_.origin - open_.information.block(n, 0, k, n);
-  block.own = open_.own - Eigen::MatrixXd(open_.information.block(n, n, k, k));
-  mirrorLower(block.own);
+  block.cross.push(open_.F.block(0, n, rows_, k));
+  block.origin = std::make_shared<const Eigen::MatrixXd>(open_.origin - open_.information.block(n, 0, k, n));
+  block.own = std::make_shared<const Eigen::MatrixXd>(std::move(own));
   return block;
 }
 
@@ -104,7 +97,7 @@ void InactiveStore::learn(const Eigen::Ref<const Eigen::MatrixXd>& Gamma, const 
 
 void InactiveStore::append(Eigen::Index rows, const LinearFunction& by) {
   if (isEmpty()) return;
-  grow(open_.F, rows_ + rows, columns());
+  inactive::grow(open_.F, rows_ + rows, columns());
   auto added = open_.F.block(rows_, 0, rows, columns());
   added.setZero();
   if (!by.isNone()) added.noalias() = by.J * open_.F.block(by.row, 0, by.J.cols(), columns());
@@ -130,8 +123,8 @@ void InactiveStore::add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index
     throw std::logic_error("an inactive variable of " + std::to_string(k) + " rows");
   if (isEmpty()) {
     begin(cross.rows());
-  } else if (static_cast<double>(open_.left()) >=
-             (ends_block ? kShareThatLeaves : kMostThatLeave) * static_cast<double>(open_.begin)) {
+  } else if (static_cast<double>(columns() - began_with_) >=
+             (ends_block ? kShareThatLeaves : kMostThatLeave) * static_cast<double>(began_with_)) {
     close();
     begin(rows_);
   }
@@ -145,9 +138,9 @@ void InactiveStore::add(Handle handle, const Eigen::VectorXd& mean, Eigen::Index
   open_.own.conservativeResize(left + k, left + k);
   open_.own.block(left, 0, k, left) = origin.rightCols(left);
   open_.own.block(left, left, k, k) = own;
-  grow(open_.F, rows_, m + k);
+  inactive::grow(open_.F, rows_, m + k);
   open_.F.block(0, m, rows_, k) = cross;
-  grow(open_.information, m + k, m + k);
+  inactive::grow(open_.information, m + k, m + k);
   open_.information.block(m, 0, k, m + k).setZero();
   open_.correction.conservativeResize(m + k);
   open_.correction.tail(k).setZero();

@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/inactive_store.hpp"
+#include "vi_ekf_slam/core/filter/symmetric.hpp"
 
 namespace vi_ekf_slam {
 namespace inactive {
-namespace {
 
 /// Of those that left in a part: the variables by number, and their rows in it.
 struct Division {
@@ -31,50 +31,102 @@ struct Division {
   }
 };
 
-/// (rows of M) by (columns + m), zeros behind.
-Eigen::MatrixXd padded(const Eigen::MatrixXd& M, Eigen::Index m) {
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(M.rows(), M.cols() + m);
-  result.leftCols(M.cols()) = M;
-  return result;
-}
+namespace {
 
 /// The block with those that are carried among its first errors, and those that go among its last. They are
 /// carried to its end, and the ones that go are from there on.
-Block extended(const Block& block, Carried& carried, const Division& division) {
-  const Eigen::Index n0 = block.begin, n = block.F.rows(), m = carried.rows();
+Block extended(Block block, Carried& carried, const Division& division) {
+  const Eigen::Index n0 = block.passage->F.cols(), m = carried.rows();
   const auto t = static_cast<Eigen::Index>(division.gone.size());
-  const auto k = static_cast<Eigen::Index>(division.kept.size());
-  const Eigen::MatrixXd cross = columnsOf(block.F.rightCols(block.left()), division.gone);
-  const Eigen::MatrixXd origin = rowsOf(block.origin, division.gone);
-  const Eigen::MatrixXd own = rowsOf(block.own, division.gone);
-  Block result;
-  result.begin = n0 + m;
-  result.first = division.kept_first;
-  result.origin = padded(rowsOf(block.origin, division.kept), m);
-  result.own = columnsOf(rowsOf(block.own, division.kept), division.kept);
-  result.F.setZero(n + m + t, n0 + m + k);
-  result.F.topLeftCorner(n, n0) = block.F.leftCols(n0);
-  result.F.topRightCorner(n, k) = columnsOf(block.F.rightCols(block.left()), division.kept);
-  result.F.bottomLeftCorner(t, n0) = origin;
-  result.F.bottomRightCorner(t, k) = columnsOf(own, division.kept);
-  result.information.setZero(n0 + m, n0 + m);
-  result.information.topLeftCorner(n0, n0) = block.information;
-  result.correction.setZero(n0 + m);
-  result.correction.head(n0) = block.correction;
-  Eigen::MatrixXd with_carried(t, m);
-  if (m > 0) {
-    result.F.block(n, n0, m, m).setIdentity();
-    result.F.block(n, n0 + m, m, k) = (result.origin.leftCols(n0) * carried.cross).transpose();
-    with_carried.noalias() = origin * carried.cross;
-    const Eigen::MatrixXd learned = carried.pass(block.F.leftCols(n0), block.information, block.correction);
-    result.F.block(n, 0, m, n0) = -learned.transpose();
+  const Eigen::MatrixXd cross = block.cross.columns(division.gone);
+  const Eigen::MatrixXd origin = rowsOf(*block.origin, division.gone);
+  const Eigen::MatrixXd own = rowsOf(*block.own, division.gone);
+  if (t > 0) {
+    StackedRows of_kept;
+    of_kept.push(columnsOf(block.cross.all(), division.kept));
+    block.cross = std::move(of_kept);
+    block.first = division.kept_first;
+    block.origin = std::make_shared<const Eigen::MatrixXd>(rowsOf(*block.origin, division.kept));
+    block.own =
+        std::make_shared<const Eigen::MatrixXd>(columnsOf(rowsOf(*block.own, division.kept), division.kept));
   }
+  Eigen::MatrixXd added(m + t, n0), added_cross(m + t, block.left()), with_carried(t, m);
+  added.bottomRows(t) = origin;
+  added_cross.bottomRows(t) = columnsOf(own, division.kept);
+  if (m > 0) {
+    const Eigen::MatrixXd C = carried.cross.topRows(n0);
+    added_cross.topRows(m).noalias() = (*block.origin * C).transpose();
+    with_carried.noalias() = origin * C;
+    added.topRows(m) = -block.pass(carried).transpose();
+  }
+  for (Eigen::Index i = 0; i < m; ++i) block.through.push_back(block.added.rows() + i);
+  block.added.push(std::move(added));
+  block.cross.push(std::move(added_cross));
   carried.join(cross, with_carried, columnsOf(own, division.gone));
-  return result;
+  return block;
 }
 
 } // namespace
 } // namespace inactive
+
+/// Through the open block. Omega C (n0 x m).
+Eigen::MatrixXd InactiveStore::passOpen(inactive::Carried& carried) const {
+  const Eigen::Index n = open_.begin;
+  const Eigen::MatrixXd& C = carried.cross;
+  const auto Omega = open_.information.topLeftCorner(n, n).selfadjointView<Eigen::Lower>();
+  Eigen::MatrixXd learned = Omega * C;
+  carried.moved.noalias() += C.transpose() * open_.correction.head(n);
+  carried.own.noalias() -= C.transpose() * learned;
+  carried.cross = (open_.F.topLeftCorner(rows_, n) * C).eval();
+  return learned;
+}
+
+/// As inactive::extended, of the block under way.
+void InactiveStore::takeInOpen(inactive::Carried& carried, const inactive::Division& division) {
+  using inactive::columnsOf, inactive::rowsOf;
+  const auto &gone = division.gone, &kept = division.kept;
+  const auto t = static_cast<Eigen::Index>(gone.size()), k = static_cast<Eigen::Index>(kept.size());
+  const Eigen::Index n0 = open_.begin, n = rows_, left = open_.left(), m = carried.rows(), n1 = n0 + m;
+  const Eigen::MatrixXd cross = open_.F.block(0, n0, n, left);
+  const Eigen::MatrixXd learned_here = open_.information.block(n0, 0, left, n0);
+  Eigen::MatrixXd learned_own = open_.information.block(n0, n0, left, left);
+  mirrorLower(learned_own);
+  Eigen::MatrixXd own = open_.own - learned_own;
+  mirrorLower(own);
+  const Eigen::MatrixXd origin = open_.origin - learned_here, of_gone = rowsOf(origin, gone);
+  const Eigen::MatrixXd C = carried.cross;
+  const Eigen::VectorXd moved = open_.correction.segment(n0, left);
+  Eigen::MatrixXd with_carried(t, m);
+  if (m > 0) with_carried.noalias() = of_gone * C;
+  const Eigen::MatrixXd learned = m > 0 ? passOpen(carried) : Eigen::MatrixXd(n0, 0);
+
+  inactive::grow(open_.F, n + m + t, n1 + k);
+  auto F = open_.F.topLeftCorner(n + m + t, n1 + k);
+  F.middleCols(n0, m).setZero();
+  F.block(n, n0, m, m).setIdentity();
+  F.block(0, n1, n, k) = columnsOf(cross, kept);
+  F.block(n, 0, m, n0) = -learned.transpose();
+  if (m > 0) F.block(n, n1, m, k).noalias() = (rowsOf(origin, kept) * C).transpose();
+  F.bottomLeftCorner(t, n0) = of_gone;
+  F.bottomRightCorner(t, k) = columnsOf(rowsOf(own, gone), kept);
+  inactive::grow(open_.information, n1 + k, n1 + k);
+  auto information = open_.information.topLeftCorner(n1 + k, n1 + k);
+  information.bottomRows(m + k).setZero();
+  information.bottomLeftCorner(k, n0) = rowsOf(learned_here, kept);
+  information.bottomRightCorner(k, k) = columnsOf(rowsOf(learned_own, kept), kept);
+  open_.correction.conservativeResize(n1 + k);
+  open_.correction.segment(n0, m).setZero();
+  open_.correction.tail(k) = rowsOf(moved, kept);
+  Eigen::MatrixXd origin_kept = Eigen::MatrixXd::Zero(k, n1);
+  origin_kept.leftCols(n0) = rowsOf(open_.origin, kept);
+  open_.origin.swap(origin_kept);
+  open_.own = columnsOf(rowsOf(open_.own, kept), kept);
+  open_.first = division.kept_first;
+  open_.begin = n1;
+  rows_ += m + t;
+  carried.join(columnsOf(cross, gone), with_carried, columnsOf(rowsOf(own, gone), gone));
+  carried.moved.tail(t) = rowsOf(moved, gone);
+}
 
 InactiveStore::Taken InactiveStore::take(const std::vector<Handle>& handles) {
   for (const Handle handle : handles) {
@@ -102,27 +154,7 @@ InactiveStore::Taken InactiveStore::take(const std::vector<Handle>& handles) {
     if (carried.rows() > 0 || !division.gone.empty())
       block = std::make_shared<const Block>(inactive::extended(*block, carried, division));
   }
-  const inactive::Division division = divide(next, open_.count());
-  const Eigen::Index m = carried.rows();
-  Block result = inactive::extended(closed(), carried, division);
-  // What the open block has of all its columns.
-  const Eigen::Index n0 = open_.begin, n1 = result.begin, k = result.left();
-  const auto information = open_.information.topLeftCorner(columns(), columns());
-  const Eigen::VectorXd of_left = open_.correction.tail(open_.left());
-  result.information.conservativeResize(n1 + k, n1 + k);
-  result.information.bottomRows(k).setZero();
-  result.information.block(n1, 0, k, n0) =
-      inactive::rowsOf(information.bottomLeftCorner(open_.left(), n0), division.kept);
-  result.information.bottomRightCorner(k, k) = inactive::columnsOf(
-      inactive::rowsOf(information.bottomRightCorner(open_.left(), open_.left()), division.kept),
-      division.kept);
-  result.correction.conservativeResize(n1 + k);
-  result.correction.tail(k) = inactive::rowsOf(of_left, division.kept);
-  result.origin = inactive::padded(inactive::rowsOf(open_.origin, division.kept), m);
-  result.own = inactive::columnsOf(inactive::rowsOf(open_.own, division.kept), division.kept);
-  carried.moved.tail(static_cast<Eigen::Index>(division.gone.size())) =
-      inactive::rowsOf(of_left, division.gone);
-  open_ = std::move(result);
+  takeInOpen(carried, divide(next, open_.count()));
 
   Taken taken{{}, std::move(carried.own), std::move(carried.cross)};
   Eigen::Index row = 0;
@@ -140,7 +172,6 @@ InactiveStore::Taken InactiveStore::take(const std::vector<Handle>& handles) {
   variables_.erase(
       std::remove_if(behind, variables_.end(), [](const InactiveVariable& v) { return v.handle == kTaken; }),
       variables_.end());
-  rows_ += row;
   release();
   return taken;
 }

@@ -30,9 +30,8 @@ constexpr double kLearnt = 1.0 / 3.0; // of a prior's sigma: what is left of one
 constexpr double kStartTilt = 0.2;     // rad
 constexpr double kStartVelocity = 1.0; // m/s
 constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
-// What a hand carries through a room sees the same view every few seconds: closures that cost less suffice.
+// What a hand carries through a room sees the same view every few seconds.
 constexpr std::size_t kKeptOneIn = 4;
-constexpr double kClosureOperations = 1.25e9;
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
@@ -64,7 +63,6 @@ InertialEstimator::InertialEstimator(const InvariantConfig& config)
       problem_("waits for frames") {
   config_.choice = MotionChoice::kInertial;
   config_.map.one_in = kKeptOneIn;
-  config_.closure_operations = kClosureOperations;
 }
 
 std::unique_ptr<InvariantEstimator> InertialEstimator::makeFilter() const {

@@ -37,7 +37,7 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       map_(config.map),
       standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_),
-      closures_(config.recognise_places, config.closure_operations) {
+      closures_(config.recognise_places) {
   if (motion_->knowsGravity()) config_.stereo.unbiased_starts = false; // an IMU tells distances as well
   begin(motion_->startPose(), startCovariance());
 }

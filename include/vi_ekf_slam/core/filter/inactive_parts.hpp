@@ -22,19 +22,6 @@ struct InactiveVariable {
 /// Of what InactiveStore is made. Variables are in the order in which they left.
 namespace inactive {
 
-/// What a part of the drive did: some left, and older ones learned by way of its first errors x0.
-struct Block {
-  Eigen::Index begin = 0;             ///< n0, size of x0
-  std::vector<Eigen::Index> first{0}; ///< of those that left, and how many rows there are
-  Eigen::MatrixXd F;                  ///< n x (n0 + k): of x0, and P_xd of those that left, both at the end
-  Eigen::MatrixXd information;        ///< n0 square: Omega, sum of (H F)^T S^-1 (H F)
-  Eigen::VectorXd correction;         ///< n0: psi, sum of (H F)^T S^-1 residual
-  Eigen::MatrixXd origin;             ///< k x n0: d in terms of x0, at the end
-  Eigen::MatrixXd own;                ///< k x k: covariance of d at the end
-  Eigen::Index left() const { return first.back(); }
-  std::size_t count() const { return first.size() - 1; }
-};
-
 /// Those for which nothing is deferred from before the first block.
 struct Settled {
   std::vector<Eigen::Index> first{0};
@@ -51,6 +38,9 @@ class StackedRows {
   }
   /// (rows x count)
   Eigen::MatrixXd middleCols(Eigen::Index column, Eigen::Index count) const;
+  Eigen::Index rows() const;
+  /// Times R, of few columns.
+  Eigen::MatrixXd operator*(const Eigen::Ref<const Eigen::MatrixXd>& R) const;
   /// Those in the list.
   Eigen::MatrixXd columns(const std::vector<Eigen::Index>& list) const;
   Eigen::MatrixXd all() const {
@@ -71,20 +61,62 @@ struct Carried {
   Eigen::VectorXd moved;
 
   Eigen::Index rows() const { return cross.cols(); }
-  /// Through a block of F (of x0), Omega and psi. Omega C.
-  template <class F, class Information, class Correction>
-  Eigen::MatrixXd pass(const F& block_F, const Information& Omega, const Correction& psi) {
-    Eigen::MatrixXd learned = Omega * cross;
-    moved.noalias() += cross.transpose() * psi;
-    own.noalias() -= cross.transpose() * learned;
-    cross = (block_F * cross).eval();
-    return learned;
-  }
   /// More, of which `with_others` (k x m) is the covariance with those that there are.
   void join(const Eigen::MatrixXd& more_cross, const Eigen::MatrixXd& with_others,
             const Eigen::MatrixXd& more_own);
 };
 
+/// What a part of the drive did that has ended: some variables left, and older ones learned by way of its
+/// first errors. Those are x0, of n0 rows, and `through`, which were taken back since and were carried
+/// through it; the errors at its end are x, of n rows, and `added`: they and the ones that left in it and
+/// were taken back, in the order of taking. What does not change when more are taken is shared by copies.
+struct Block {
+  struct Passage {
+    Eigen::MatrixXd F;           ///< n x n0: x in terms of x0
+    Eigen::MatrixXd information; ///< n0 square: Omega, sum of (H F)^T S^-1 (H F)
+    Eigen::VectorXd correction;  ///< n0: psi, sum of (H F)^T S^-1 residual
+  };
+  std::shared_ptr<const Passage> passage;
+  StackedRows added;                 ///< a x n0: in terms of x0, but for themselves
+  std::vector<Eigen::Index> through; ///< which rows of those are first errors too
+
+  std::vector<Eigen::Index> first{0};            ///< of those that left, and how many rows there are
+  StackedRows cross;                             ///< (n + a) x k: P_xd of those that left, at the end
+  std::shared_ptr<const Eigen::MatrixXd> origin; ///< k x n0: d in terms of x0, at the end
+  std::shared_ptr<const Eigen::MatrixXd> own;    ///< k x k: covariance of d at the end
+
+  Eigen::Index left() const { return first.back(); }
+  std::size_t count() const { return first.size() - 1; }
+  Eigen::Index atBegin() const { return passage->F.cols() + static_cast<Eigen::Index>(through.size()); }
+  Eigen::Index atEnd() const { return passage->F.rows() + added.rows(); }
+  /// A (r x atEnd) in terms of the first errors (r x atBegin).
+  Eigen::MatrixXd back(const Eigen::Ref<const Eigen::MatrixXd>& A) const;
+  /// Through it. Omega C of x0 (n0 x m).
+  Eigen::MatrixXd pass(Carried& carried) const;
+  /// Omega and psi of all first errors.
+  Eigen::MatrixXd information() const;
+  Eigen::VectorXd correction() const;
+  std::size_t bytes() const;
+};
+
+/// The block under way. Its information (lower triangle) and correction are those of all its columns, origin
+/// and own of when each left.
+struct OpenBlock {
+  Eigen::Index begin = 0;             ///< n0, size of x0
+  std::vector<Eigen::Index> first{0}; ///< of those that left, and how many rows there are
+  Eigen::MatrixXd F;                  ///< n x (n0 + k): x in terms of x0, and P_xd of those that left
+  Eigen::MatrixXd information;
+  Eigen::VectorXd correction;
+  Eigen::MatrixXd origin, own;
+  Eigen::Index left() const { return first.back(); }
+  std::size_t count() const { return first.size() - 1; }
+};
+
+/// Of those that left in a part, the ones that are taken and those that stay.
+struct Division;
+
+/// At least so large; what there is stays.
+void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols);
 /// The columns (rows) of M that are in the list; one of all rows has them in their order.
 Eigen::MatrixXd columnsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);
 Eigen::MatrixXd rowsOf(const Eigen::Ref<const Eigen::MatrixXd>& M, const std::vector<Eigen::Index>& kept);

@@ -132,9 +132,7 @@ class InactiveStore {
 
  private:
   using Block = inactive::Block;
-  /// The block under way; its information and correction are those of all its columns (n0 + k), its origin
-  /// and its own covariance are of when each left.
-  using OpenBlock = Block;
+  using OpenBlock = inactive::OpenBlock;
   /// The pose's handle, which is never inactive: of a place among the settled ones that is empty.
   static constexpr Handle kTaken = 0;
 
@@ -144,6 +142,8 @@ class InactiveStore {
   void begin(Eigen::Index rows);
   void close();
   Block closed() const;
+  Eigen::MatrixXd passOpen(inactive::Carried& carried) const;
+  void takeInOpen(inactive::Carried& carried, const inactive::Division& division);
   /// What is being settled: the first `blocks` and what was settled, with these variables. Those that left
   /// have a serial up to `last_serial`, unless they came back, as the ones of `taken` did, in that order.
   struct Begun {
@@ -162,7 +162,8 @@ class InactiveStore {
   inactive::StackedRows cross_;                     ///< of the first block's first errors with the settled
   std::deque<std::shared_ptr<const Block>> blocks_; ///< closed ones, the first one first
   OpenBlock open_;
-  Eigen::Index rows_ = 0; ///< n, of the active errors now
+  Eigen::Index rows_ = 0;       ///< n, of the active errors now
+  Eigen::Index began_with_ = 0; ///< n, when the open block began
   std::unordered_map<Handle, std::uint64_t> serials_;
   std::uint64_t last_serial_ = 0;
   std::shared_future<inactive::Composed> settling_;

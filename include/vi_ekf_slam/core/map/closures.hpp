@@ -17,9 +17,7 @@ namespace vi_ekf_slam {
 /// that are recognised, and a saved map.
 class Closures {
  public:
-  /// `operations_per_second`: see Settling.
-  Closures(PlaceRecognition recognition, double operations_per_second)
-      : recognition_(recognition), settling_(operations_per_second) {}
+  explicit Closures(PlaceRecognition recognition) : recognition_(recognition) {}
 
   /// After the frame of the report. What the loop says that it has closed, if any: of several the one of the
   /// most landmarks.

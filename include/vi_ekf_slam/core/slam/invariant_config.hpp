@@ -45,9 +45,6 @@ struct InvariantConfig {
   double standstill_px = 0.3;
   /// Landmarks in view at a time: the time for a frame grows with their cube.
   std::size_t max_tracked = 100;
-  /// Floating-point operations in a second, on the average, for settling what is deferred, beside the frames:
-  /// a fifth of a core with AVX2.
-  double closure_operations = 5e9;
   PlaceRecognition recognise_places = PlaceRecognition::kDescriptors;
 };
 
