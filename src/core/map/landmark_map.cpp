@@ -94,8 +94,10 @@ std::vector<FeatureId> LandmarkMap::expected(Stamp now) const {
   return ids;
 }
 
-/// A batch at a time, since means must be brought up to date.
+/// A batch at a time, since means must be brought up to date; later, where a frame would wait for the thread
+/// that settles.
 std::vector<InactiveStore::Estimate> LandmarkMap::bound(Filter& filter, bool all) {
+  if (!all && filter.inactive().isSettling()) return {};
   const std::size_t held = filter.inactive().size(), landmarks = inactive_.size();
   const std::size_t most = options_.max_landmarks;
   std::size_t count = all ? held : 0;

@@ -151,6 +151,18 @@ TEST(LandmarkMapTest, IsBoundedByItsOldest) {
   EXPECT_TRUE(mapped.scene.filter.inactive().isEmpty());
 }
 
+TEST(LandmarkMapTest, IsBoundedOnceNoThreadSettlesIt) {
+  Mapped mapped(4, 12, keeping(MapKeep::kGood, 4));
+  for (FeatureId id = 100; id < 109; ++id) mapped.leave(id);
+  mapped.scene.filter.beginSettlingInactive();
+  mapped.map.bound(mapped.scene.filter);
+  EXPECT_EQ(mapped.scene.filter.inactive().size(), 9u) << "it would have to wait";
+  EXPECT_TRUE(mapped.scene.filter.inactive().isSettling());
+  mapped.scene.filter.endSettlingInactive();
+  mapped.map.bound(mapped.scene.filter);
+  EXPECT_LE(mapped.scene.filter.inactive().size(), 4u);
+}
+
 TEST(LandmarkMapTest, ArchivesAllThatIsValidBeforeAFilterIsGivenUp) {
   Mapped mapped(5, 5, keeping(MapKeep::kGood));
   mapped.leave(100);

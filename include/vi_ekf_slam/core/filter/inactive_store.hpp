@@ -98,6 +98,7 @@ class InactiveStore {
   /// the caller, at a moment that does not depend on the thread; marginaliseOldest and settle do it first.
   void beginSettling();
   void endSettling();
+  bool isSettling() const { return settling_.valid(); }
   /// What settling would cost now, floating-point operations.
   double settlingCost() const;
   /// How many blocks wait to be settled: to take a row costs some n^2 for each.
