@@ -70,9 +70,7 @@ Eigen::MatrixXd Block::back(const Eigen::Ref<const Eigen::MatrixXd>& A) const {
 Eigen::MatrixXd Block::pass(Carried& carried) const {
   const Eigen::Index n = passage->F.rows(), n0 = passage->F.cols();
   const auto C = carried.cross.topRows(n0);
-  Eigen::MatrixXd learned = passage->information * C;
-  carried.moved.noalias() += C.transpose() * passage->correction;
-  carried.own.noalias() -= C.transpose() * learned;
+  Eigen::MatrixXd learned = carried.learn(C, passage->information, passage->correction);
   Eigen::MatrixXd at_end(atEnd(), C.cols());
   at_end.topRows(n).noalias() = passage->F * C;
   at_end.bottomRows(added.rows()) = added * C;

@@ -33,20 +33,29 @@ void InactiveStore::begin(Eigen::Index rows) {
   open_.own.resize(0, 0);
 }
 
+Eigen::MatrixXd InactiveStore::originNow() const {
+  return open_.origin - open_.information.block(open_.begin, 0, open_.left(), open_.begin);
+}
+
+Eigen::MatrixXd InactiveStore::ownNow() const {
+  const Eigen::Index n = open_.begin, k = open_.left();
+  Eigen::MatrixXd own = open_.own - Eigen::MatrixXd(open_.information.block(n, n, k, k));
+  mirrorLower(own);
+  return own;
+}
+
 /// The open block as one that ends now.
 InactiveStore::Block InactiveStore::closed() const {
   const Eigen::Index n = open_.begin, k = open_.left();
   Eigen::MatrixXd information = open_.information.topLeftCorner(n, n);
   mirrorLower(information);
-  Eigen::MatrixXd own = open_.own - Eigen::MatrixXd(open_.information.block(n, n, k, k));
-  mirrorLower(own);
   Block block;
   block.passage = std::make_shared<const Block::Passage>(
       Block::Passage{open_.F.topLeftCorner(rows_, n), std::move(information), open_.correction.head(n)});
   block.first = open_.first;
   block.cross.push(open_.F.block(0, n, rows_, k));
-  block.origin = std::make_shared<const Eigen::MatrixXd>(open_.origin - open_.information.block(n, 0, k, n));
-  block.own = std::make_shared<const Eigen::MatrixXd>(std::move(own));
+  block.origin = std::make_shared<const Eigen::MatrixXd>(originNow());
+  block.own = std::make_shared<const Eigen::MatrixXd>(ownNow());
   return block;
 }
 

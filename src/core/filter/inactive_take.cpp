@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/inactive_store.hpp"
-#include "vi_ekf_slam/core/filter/symmetric.hpp"
 
 namespace vi_ekf_slam {
 namespace inactive {
@@ -72,12 +71,9 @@ Block extended(Block block, Carried& carried, const Division& division) {
 /// Through the open block. Omega C (n0 x m).
 Eigen::MatrixXd InactiveStore::passOpen(inactive::Carried& carried) const {
   const Eigen::Index n = open_.begin;
-  const Eigen::MatrixXd& C = carried.cross;
   const auto Omega = open_.information.topLeftCorner(n, n).selfadjointView<Eigen::Lower>();
-  Eigen::MatrixXd learned = Omega * C;
-  carried.moved.noalias() += C.transpose() * open_.correction.head(n);
-  carried.own.noalias() -= C.transpose() * learned;
-  carried.cross = (open_.F.topLeftCorner(rows_, n) * C).eval();
+  Eigen::MatrixXd learned = carried.learn(carried.cross, Omega, open_.correction.head(n));
+  carried.cross = (open_.F.topLeftCorner(rows_, n) * carried.cross).eval();
   return learned;
 }
 
@@ -89,11 +85,8 @@ void InactiveStore::takeInOpen(inactive::Carried& carried, const inactive::Divis
   const Eigen::Index n0 = open_.begin, n = rows_, left = open_.left(), m = carried.rows(), n1 = n0 + m;
   const Eigen::MatrixXd cross = open_.F.block(0, n0, n, left);
   const Eigen::MatrixXd learned_here = open_.information.block(n0, 0, left, n0);
-  Eigen::MatrixXd learned_own = open_.information.block(n0, n0, left, left);
-  mirrorLower(learned_own);
-  Eigen::MatrixXd own = open_.own - learned_own;
-  mirrorLower(own);
-  const Eigen::MatrixXd origin = open_.origin - learned_here, of_gone = rowsOf(origin, gone);
+  const Eigen::MatrixXd learned_own = open_.information.block(n0, n0, left, left);
+  const Eigen::MatrixXd own = ownNow(), origin = originNow(), of_gone = rowsOf(origin, gone);
   const Eigen::MatrixXd C = carried.cross;
   const Eigen::VectorXd moved = open_.correction.segment(n0, left);
   Eigen::MatrixXd with_carried(t, m);

@@ -61,6 +61,15 @@ struct Carried {
   Eigen::VectorXd moved;
 
   Eigen::Index rows() const { return cross.cols(); }
+  /// By Omega and psi of a block, of whose x0 they have the covariance C (n0 x m). Omega C.
+  template <class Information, class Correction>
+  Eigen::MatrixXd learn(const Eigen::Ref<const Eigen::MatrixXd>& C, const Information& Omega,
+                        const Correction& psi) {
+    Eigen::MatrixXd learned = Omega * C;
+    moved.noalias() += C.transpose() * psi;
+    own.noalias() -= C.transpose() * learned;
+    return learned;
+  }
   /// More, of which `with_others` (k x m) is the covariance with those that there are.
   void join(const Eigen::MatrixXd& more_cross, const Eigen::MatrixXd& with_others,
             const Eigen::MatrixXd& more_own);

@@ -143,6 +143,9 @@ class InactiveStore {
   void begin(Eigen::Index rows);
   void close();
   Block closed() const;
+  /// Of those that left in the open block, as they are now: d in terms of x0, and its covariance.
+  Eigen::MatrixXd originNow() const;
+  Eigen::MatrixXd ownNow() const;
   Eigen::MatrixXd passOpen(inactive::Carried& carried) const;
   void takeInOpen(inactive::Carried& carried, const inactive::Division& division);
   /// What is being settled: the first `blocks` and what was settled, with these variables. Those that left
