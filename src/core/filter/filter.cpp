@@ -28,14 +28,6 @@ void transport(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Vector3d& moved) {
   P.leftCols<3>().noalias() += P.middleCols<3>(3) * so3::hat(moved);
 }
 
-/// L^-1 of S = L L^T; nothing where S is not positive definite.
-template <class Matrix>
-std::optional<SmallMatrix> inverseFactor(const Matrix& S) {
-  const Eigen::LLT<Matrix> llt(S);
-  if (llt.info() != Eigen::Success) return std::nullopt;
-  return SmallMatrix(llt.matrixL().solve(Matrix::Identity(S.rows(), S.rows())));
-}
-
 } // namespace
 
 Eigen::Matrix<double, 3, 6> byPose(const Eigen::Vector3d& point, const Eigen::Vector3d& position) {
@@ -91,14 +83,20 @@ void Filter::propagate(const CoreStep& step) {
   core_.open(pose().translation(), Pc);
   auto padded = paddedCore();
   const Eigen::Index behind = padded.rows() - core_rows_;
-  CoreSquare PF = padded.middleCols(step.row, w).lazyProduct(step.F.transpose());
-  PF.bottomRows(behind) = padded.middleCols(step.row, k).bottomRows(behind);
-  const CoreSquare FPF = step.F.lazyProduct(PF.middleRows(step.row, w));
-  padded.middleCols(step.row, k) = PF;
-  Pc.middleRows(step.row, k) = PF.topRows(core_rows_).transpose();
-  Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
+  const auto move = [&](const auto& F) {
+    CoreSquare PF = padded.middleCols(step.row, w).lazyProduct(F.transpose());
+    PF.bottomRows(behind) = padded.middleCols(step.row, k).bottomRows(behind);
+    const CoreSquare FPF = F.lazyProduct(PF.middleRows(step.row, w));
+    padded.middleCols(step.row, k) = PF;
+    Pc.middleRows(step.row, k) = PF.topRows(core_rows_).transpose();
+    Pc.block(step.row, step.row, k, k) = 0.5 * (FPF + FPF.transpose());
+    core_.transform(step.row, F);
+  };
+  if (k == 6 && w == 12)
+    move(Eigen::Matrix<double, 6, 12>(step.F)); // a pose by its twist, with each sample
+  else
+    move(step.F);
   Pc.block(step.row, step.row, q, q) += step.Q;
-  core_.transform(step.row, step.F);
   variables_.setPose(step.pose);
   for (const auto& [handle, mean] : step.means) variables_.mean(handle) = mean;
 }
@@ -207,35 +205,36 @@ Handle Filter::augment(Chart chart, const Eigen::VectorXd& mean,
 }
 
 bool Filter::correct(const LinearMeasurement& z) {
-  if (z.isWithin(core_rows_)) return correctCore(z);
+  if (z.isWithin(core_rows_)) // three rows, as most have, are for the compiler to know
+    return z.rows() == 3 ? correctCore<3>(z) : correctCore<Eigen::Dynamic>(z);
   settle();
   Innovation in(covariance(), {z});
   return in.factorise() && correct(in);
 }
 
+template <int kRows>
 bool Filter::correctCore(const LinearMeasurement& z) {
+  constexpr int kMostRows = kRows == Eigen::Dynamic ? 6 : kRows;
+  using Square = Eigen::Matrix<double, kRows, kRows, Eigen::ColMajor, kMostRows, kMostRows>;
+  using Vector = Eigen::Matrix<double, kRows, 1, Eigen::ColMajor, kMostRows, 1>;
   const Eigen::Index c = core_rows_;
   auto Pc = covariance_.topLeftCorner(c, c);
   auto padded = paddedCore();
-  CoreColumns PHt = CoreColumns::Zero(padded.rows(), z.rows());
+  CoreColumns<kRows> PHt = CoreColumns<kRows>::Zero(padded.rows(), z.rows());
   z.addTransposedProduct(padded, PHt);
   PHt.bottomRows(padded.rows() - c).setZero();
-  SmallMatrix S = z.noise();
+  Square S = z.noise();
   z.addProduct(PHt, S);
-  const bool has_three = z.rows() == 3; // as most, which the compiler knows then
-  const auto factor = has_three ? inverseFactor(Eigen::Matrix3d(S)) : inverseFactor(S);
-  if (!factor) return false;
-  const SmallMatrix& L_inverse = *factor;
-  const SmallVector white = L_inverse.lazyProduct(z.residual());
-  const CoreColumns A = PHt.lazyProduct(L_inverse.transpose());
+  const Eigen::LLT<Square> llt(S);
+  if (llt.info() != Eigen::Success) return false;
+  const Square L_inverse = llt.matrixL().solve(Square::Identity(z.rows(), z.rows()));
+  const Vector white = L_inverse.lazyProduct(z.residual());
+  const CoreColumns<kRows> A = PHt.lazyProduct(L_inverse.transpose());
   const CoreVector error = A.topRows(c).lazyProduct(white);
   if (!error.allFinite()) return false;
   core_.open(pose().translation(), Pc);
   core_.correct(z, L_inverse, white, A);
-  if (has_three)
-    padded.noalias() -= A.leftCols<3>().lazyProduct(A.leftCols<3>().topRows(c).transpose());
-  else
-    padded.noalias() -= A.lazyProduct(A.topRows(c).transpose());
+  padded.noalias() -= A.lazyProduct(A.topRows(c).transpose());
   const Eigen::Vector3d before = pose().translation();
   const auto reexpressed = variables_.retract(error, c, {});
   reexpress(Pc, reexpressed);

@@ -33,7 +33,8 @@ class Stepped {
       if (!H.middleCols(column, width).isZero(0.0)) measurement.by(column, H.middleCols(column, width));
     }
     const Eigen::MatrixXd L_inverse = S.llt().matrixL().solve(Eigen::MatrixXd::Identity(S.rows(), S.cols()));
-    CoreColumns A = CoreColumns::Zero(core_.padded(), S.rows());
+    using Columns = CoreColumns<Eigen::Dynamic>;
+    Columns A = Columns::Zero(core_.padded(), S.rows());
     A.topRows(size_) = PHt.topRows(size_) * L_inverse.transpose();
     core_.correct(measurement, L_inverse, SmallVector(L_inverse * nu), A);
     const Eigen::MatrixXd K = PHt * inverseOf(S);

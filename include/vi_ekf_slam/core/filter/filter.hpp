@@ -125,6 +125,7 @@ class Filter {
   Eigen::MatrixXd poseInfluence(const Eigen::Vector3d& position) const;
   /// The core's columns, and of others' rows as many as make them whole vectors of the processor.
   auto paddedCore() { return covariance_.topLeftCorner(core_.padded(), core_rows_); }
+  template <int kRows>
   bool correctCore(const LinearMeasurement& z);
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
