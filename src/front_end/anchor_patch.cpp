@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/front_end/anchor_patch.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -23,10 +24,23 @@ constexpr float kPrior = 0.002f;
 constexpr float kDamping = 0.25f, kLess = 0.25f;
 constexpr float kLeastScale = 0.5f; // of 1 + slant^T xi
 
-/// Bilinear samples on the grid of the patch; false where one is not inside the image.
-template <typename Pixels>
-bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, int half, Pixels& out) {
-  const auto side = static_cast<float>(half);
+// The patch and a pixel around it, for gradients; filled up as AnchorPatch has it.
+constexpr int kWideHalf = AnchorPatch::kHalf + 1, kWide = 2 * kWideHalf + 1;
+constexpr int kSamples = kWide * kWide, kPaddedSamples = (kSamples + 15) / 16 * 16;
+using Samples = Eigen::Array<float, kPaddedSamples, 1>;
+
+/// px, across or down, from the patch's centre.
+Samples grid(bool is_across) {
+  Samples values = Samples::Zero();
+  for (int i = 0; i < kSamples; ++i)
+    values[i] = static_cast<float>((is_across ? i % kWide : i / kWide) - kWideHalf);
+  return values;
+}
+
+/// Bilinear samples of the patch and a pixel around it; false where one is not inside the image. In steps
+/// that run in vectors, but for the one that fetches pixels.
+bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, Samples& out) {
+  constexpr auto side = static_cast<float>(kWideHalf);
   const float scale = 1.0f - side * warp.slant.lpNorm<1>(); // the least one
   if (!(scale > kLeastScale)) return false;
   const float reach_x = side / scale * warp.shape.row(0).lpNorm<1>();
@@ -37,28 +51,30 @@ bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, int half, Pixel
                          cx + reach_x < static_cast<float>(image.cols - 1) &&
                          cy + reach_y < static_cast<float>(image.rows - 1);
   if (!is_inside) return false; // NaN too
-  const auto* data = image.ptr<std::uint8_t>();
+  static const Samples u = grid(true), v = grid(false);
+  const Samples inverse = (1.0f + warp.slant.x() * u + warp.slant.y() * v).inverse();
+  const Samples x = cx + (A(0, 0) * u + A(0, 1) * v) * inverse;
+  const Samples y = cy + (A(1, 0) * u + A(1, 1) * v) * inverse;
   const auto stride = static_cast<int>(image.step);
-  constexpr int kMostInRow = AnchorPatch::kSide + 2;
-  std::array<float, kMostInRow> xs, ys; // apart from what does not run in vectors
-  Eigen::Index i = 0;
-  for (int v = -half; v <= half; ++v) {
-    const auto row = static_cast<float>(v);
-    for (int k = 0; k <= 2 * half; ++k) {
-      const auto column = static_cast<float>(k - half);
-      const float inverse = 1.0f / (1.0f + warp.slant.x() * column + warp.slant.y() * row);
-      xs[k] = cx + (A(0, 0) * column + A(0, 1) * row) * inverse;
-      ys[k] = cy + (A(1, 0) * column + A(1, 1) * row) * inverse;
-    }
-    for (int k = 0; k <= 2 * half; ++k, ++i) {
-      const float x = xs[k], y = ys[k];
-      const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
-      const float a = x - static_cast<float>(x0), b = y - static_cast<float>(y0);
-      const auto* p = data + y0 * stride + x0;
-      const float top = static_cast<float>(p[0]) + a * static_cast<float>(p[1] - p[0]);
-      const float bottom = static_cast<float>(p[stride]) + a * static_cast<float>(p[stride + 1] - p[stride]);
-      out[i] = top + b * (bottom - top);
-    }
+  std::array<int, kPaddedSamples> offset;
+  Samples right, below;
+  for (int i = 0; i < kPaddedSamples; ++i) {
+    const int x0 = static_cast<int>(x[i]), y0 = static_cast<int>(y[i]);
+    right[i] = x[i] - static_cast<float>(x0);
+    below[i] = y[i] - static_cast<float>(y0);
+    offset[i] = y0 * stride + x0;
+  }
+  const auto* data = image.ptr<std::uint8_t>();
+  std::array<std::uint8_t, 2 * kPaddedSamples> upper, lower; // pairs of neighbours
+  for (int i = 0; i < kPaddedSamples; ++i) {
+    std::copy_n(data + offset[i], 2, &upper[2 * i]);
+    std::copy_n(data + offset[i] + stride, 2, &lower[2 * i]);
+  }
+  for (int i = 0; i < kPaddedSamples; ++i) {
+    const auto a = static_cast<float>(upper[2 * i]), b = static_cast<float>(upper[2 * i + 1]);
+    const auto c = static_cast<float>(lower[2 * i]), d = static_cast<float>(lower[2 * i + 1]);
+    const float top = a + right[i] * (b - a), bottom = c + right[i] * (d - c);
+    out[i] = top + below[i] * (bottom - top);
   }
   return true;
 }
@@ -101,16 +117,15 @@ const AnchorPatch::Pixels& AnchorPatch::coordinates(Axis axis) {
 }
 
 bool AnchorPatch::look(const cv::Mat& image, const Warp& warp, View& view) {
-  constexpr int kWide = kSide + 2;
-  Eigen::Matrix<float, kWide * kWide, 1> wide;
-  if (!sample(image, warp, kHalf + 1, wide)) return false;
+  Samples wide;
+  if (!sample(image, warp, wide)) return false;
   for (int v = 0; v < kSide; ++v) {
     const auto row = [&wide, v](int below, int right) {
       return wide.segment<kSide>((v + 1 + below) * kWide + 1 + right);
     };
-    view.values.segment<kSide>(v * kSide) = row(0, 0);
-    view.across.segment<kSide>(v * kSide) = 0.5f * (row(0, 1) - row(0, -1));
-    view.down.segment<kSide>(v * kSide) = 0.5f * (row(1, 0) - row(-1, 0));
+    view.values.segment<kSide>(v * kSide) = row(0, 0).matrix();
+    view.across.segment<kSide>(v * kSide) = 0.5f * (row(0, 1) - row(0, -1)).matrix();
+    view.down.segment<kSide>(v * kSide) = 0.5f * (row(1, 0) - row(-1, 0)).matrix();
   }
   view.values.head<kPixels>().array() -= view.values.sum() / kPixels;
   const float norm = view.values.norm();
@@ -121,9 +136,9 @@ bool AnchorPatch::look(const cv::Mat& image, const Warp& warp, View& view) {
   return true;
 }
 
-std::optional<AnchorPatch> AnchorPatch::cut(const cv::Mat& image, const cv::Point2f& centre) {
-  AnchorPatch patch;
-  if (!look(image, {{centre.x, centre.y}}, patch.view_)) return std::nullopt;
+std::unique_ptr<const AnchorPatch> AnchorPatch::cut(const cv::Mat& image, const cv::Point2f& centre) {
+  auto patch = std::make_unique<AnchorPatch>();
+  if (!look(image, {{centre.x, centre.y}}, patch->view_)) return nullptr;
   return patch;
 }
 
@@ -142,11 +157,14 @@ AnchorPatch::Normal AnchorPatch::linearise(const View& there, float correlation)
   J.col(7) = -outward.cwiseProduct(y);
   // Without what brightness and contrast explain.
   const Parameters of_mean = J.colwise().sum() / std::sqrt(static_cast<float>(kPixels));
-  const Parameters of_contrast = J.transpose() * view_.values;
+  const Parameters of_contrast = J.transpose().lazyProduct(view_.values);
   Normal normal;
-  normal.H = J.transpose() * J;
+  for (Eigen::Index i = 0; i < J.cols(); ++i) { // twice as fast as a product
+    for (Eigen::Index k = 0; k <= i; ++k) normal.H(i, k) = normal.H(k, i) = J.col(i).dot(J.col(k));
+  }
   normal.H -= of_mean * of_mean.transpose() + of_contrast * of_contrast.transpose();
-  normal.b = J.transpose() * (view_.values - there.values) - (1.0f - correlation) * of_contrast;
+  const Pixels error = view_.values - there.values;
+  normal.b = J.transpose().lazyProduct(error) - (1.0f - correlation) * of_contrast;
   return normal;
 }
 

@@ -80,17 +80,21 @@ std::vector<cv::Point2d> CameraModel::rectify(const std::vector<cv::Point2f>& pi
 
 std::vector<cv::Point2f> CameraModel::unrectify(const std::vector<cv::Point2d>& rectified) const {
   std::vector<cv::Point2f> pixels;
-  if (parameters_.images_are_rectified || rectified.empty()) {
-    pixels.assign(rectified.begin(), rectified.end());
-    return pixels;
+  for (const cv::Point2d& raw : distort(rectified)) pixels.emplace_back(raw);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    if (!parameters_.images_are_rectified && !shows(rectified[i]))
+      pixels[i] = {static_cast<float>(kFarOutside), static_cast<float>(kFarOutside)};
   }
+  return pixels;
+}
+
+std::vector<cv::Point2d> CameraModel::distort(const std::vector<cv::Point2d>& rectified) const {
+  if (parameters_.images_are_rectified || rectified.empty()) return rectified;
   std::vector<cv::Point3d> rays;
-  std::vector<bool> is_seen;
   for (const auto& q : rectified) {
-    const bool seen = shows(q);
     const cv::Vec3d ray = raw_from_pixel_ * cv::Vec3d(q.x, q.y, 1.0);
-    rays.emplace_back(seen ? ray[0] / ray[2] : 0.0, seen ? ray[1] / ray[2] : 0.0, 1.0);
-    is_seen.push_back(seen);
+    const bool is_ahead = ray[2] > 0.0;
+    rays.emplace_back(is_ahead ? ray[0] / ray[2] : 0.0, is_ahead ? ray[1] / ray[2] : 0.0, 1.0);
   }
   std::vector<cv::Point2d> raw;
   const cv::Vec3d none(0.0, 0.0, 0.0);
@@ -99,11 +103,7 @@ std::vector<cv::Point2f> CameraModel::unrectify(const std::vector<cv::Point2d>& 
   } else {
     cv::projectPoints(rays, none, none, parameters_.K, parameters_.D, raw);
   }
-  for (std::size_t i = 0; i < raw.size(); ++i)
-    pixels.push_back(is_seen[i]
-                         ? cv::Point2f(raw[i])
-                         : cv::Point2f(static_cast<float>(kFarOutside), static_cast<float>(kFarOutside)));
-  return pixels;
+  return raw;
 }
 
 /// OpenCV mirrors what a fisheye sees behind the plane.
@@ -116,20 +116,22 @@ bool CameraModel::isBeyondPlane(const cv::Point2d& raw) const {
   return std::hypot((raw.x - K(0, 2)) / K(0, 0), (raw.y - K(1, 2)) / K(1, 1)) > bent;
 }
 
-std::vector<double> CameraModel::magnifications(const std::vector<cv::Point2f>& pixels) const {
-  const std::size_t n = pixels.size();
-  if (parameters_.images_are_rectified) return std::vector<double>(n, 1.0);
-  std::vector<cv::Point2f> around; // half a pixel to each side
-  for (const cv::Point2f& step : {cv::Point2f(-0.5f, 0.0f), {0.5f, 0.0f}, {0.0f, -0.5f}, {0.0f, 0.5f}}) {
-    for (const cv::Point2f& pixel : pixels) around.push_back(pixel + step);
+std::vector<double> CameraModel::magnifications(const std::vector<cv::Point2d>& rectified) const {
+  const std::size_t n = rectified.size();
+  std::vector<double> magnifications(n, 1.0);
+  if (parameters_.images_are_rectified) return magnifications;
+  std::vector<cv::Point2d> around; // half a pixel to each side
+  for (const cv::Point2d& step : {cv::Point2d(-0.5, 0.0), {0.5, 0.0}, {0.0, -0.5}, {0.0, 0.5}}) {
+    for (const cv::Point2d& pixel : rectified) around.push_back(pixel + step);
   }
-  const auto rectified = rectify(around);
-  std::vector<double> magnifications;
+  const auto raw = distort(around);
   for (std::size_t i = 0; i < n; ++i) {
-    const cv::Point2d u = rectified[n + i] - rectified[i], v = rectified[3 * n + i] - rectified[2 * n + i];
-    // The larger singular value of (u v).
+    if (!shows(rectified[i])) continue;
+    const cv::Point2d u = raw[n + i] - raw[i], v = raw[3 * n + i] - raw[2 * n + i];
+    // Over the smaller singular value of (u v), whose product is their area.
     const double mean = 0.5 * (u.dot(u) + v.dot(v)), area = u.cross(v);
-    magnifications.push_back(std::sqrt(mean + std::sqrt(std::max(0.0, mean * mean - area * area))));
+    const double larger = std::sqrt(mean + std::sqrt(std::max(0.0, mean * mean - area * area)));
+    magnifications[i] = larger / std::abs(area);
   }
   return magnifications;
 }

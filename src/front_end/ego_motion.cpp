@@ -2,6 +2,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
@@ -48,6 +50,20 @@ std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<
   }
   if (2 * agreeing < displacements.size()) return std::nullopt;
   return motion.normalized();
+}
+
+/// The least r^2 + e^2 over errors e of the disparity d, with r = now - pi(q) - g e, and g = dpi/dd, of
+/// dp/dd = -p / d.
+double misfit(const StereoCamera& camera, const Displacement& displacement, const SE3& now_T_before) {
+  const Eigen::Vector3d& p = displacement.before;
+  const Eigen::Vector3d q = now_T_before * p;
+  if (q.z() < kMinDepth) return std::numeric_limits<double>::infinity();
+  const Eigen::Vector2d r = displacement.now - camera.project(q).head<2>();
+  const double disparity = camera.fu * camera.baseline / p.z();
+  const Eigen::Vector2d g =
+      camera.projectJacobian(q).topRows<2>() * (now_T_before.rotation() * p) / -disparity;
+  const double along = g.dot(r);
+  return std::sqrt(r.squaredNorm() - along * along / (1.0 + g.squaredNorm()));
 }
 
 } // namespace vi_ekf_slam

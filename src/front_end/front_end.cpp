@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
 
 #include "vi_ekf_slam/front_end/descriptors.hpp"
 #include "vi_ekf_slam/front_end/flow.hpp"
@@ -13,8 +12,7 @@ namespace {
 constexpr double kMaxGap = 0.5;                // s over which tracks are bridged
 constexpr double kJump = 1.0;                  // s back: time begins anew
 constexpr float kMaxFlowRoundTrip = 0.5f;      // px
-constexpr double kEpipolar = 1.0;              // px from the epipolar line
-constexpr std::size_t kMinForGeometry = 15;    // tracks; eight parameters fit fewer too easily
+constexpr double kMisfit = 1.0;                // px from where a point of the static world would be
 constexpr int kMaxUnmatched = 5;               // pairs
 constexpr double kLightTime = 2.0;             // s; exposure controls are faster, the light of a scene slower
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
@@ -117,12 +115,11 @@ std::vector<TrackPrediction> FrontEnd::predict(const SE3& now_T_before) const {
   std::vector<cv::Point2d> moved;
   std::vector<TrackPrediction> predictions;
   for (const Track& track : tracks_) {
-    const Eigen::Vector3d before = pointBehind(camera, track.left_rectified, track.disparity.value_or(0.0));
-    Eigen::Vector3d now = now_T_before * before;
+    Eigen::Vector3d now = now_T_before * track.point;
     now.z() = std::max(now.z(), 1e-3);
     const StereoPixels pixels = camera.project(now);
     moved.emplace_back(pixels[0], pixels[1]);
-    predictions.push_back({track.left, static_cast<float>(before.z() / now.z())});
+    predictions.push_back({track.left, static_cast<float>(track.point.z() / now.z())});
   }
   const std::vector<cv::Point2f> pixels = calibration_.left.unrectify(moved);
   for (std::size_t i = 0; i < pixels.size(); ++i) {
@@ -160,22 +157,16 @@ std::vector<bool> FrontEnd::find(const Picture& left, const std::vector<TrackPre
 
 void FrontEnd::follow(const Picture& left, Stamp stamp) {
   if (tracks_.empty() || !last_left_) return;
+  for (Track& track : tracks_)
+    track.point = pointBehind(calibration_.camera, track.left_rectified, track.disparity.value_or(0.0));
   const SE3 guess = predictMotion(stamp);
-  std::vector<Track> before = tracks_;
   const std::vector<bool> found = find(left, predict(guess));
   std::size_t i = 0;
   report_.lost = removeTracks(tracks_, [&](const Track&) { return !found[i++]; });
-  i = 0;
-  removeTracks(before, [&](const Track&) { return !found[i++]; });
   rectify(tracks_);
-  const auto is_outside = [this](const Track& track) {
-    return !calibration_.left.shows(track.left_rectified);
-  };
-  i = 0;
-  removeTracks(before, [&](const Track&) { return is_outside(tracks_[i++]); });
-  report_.lost += removeTracks(tracks_, is_outside);
-  rejectOutliers(before);
-  learnMotion(guess, before, stamp);
+  report_.lost += removeTracks(
+      tracks_, [this](const Track& track) { return !calibration_.left.shows(track.left_rectified); });
+  learnMotion(guess, stamp);
   // Two that have run together see the same thing; the older one goes on.
   const float nearest = 0.5f * detector_.minDistance();
   std::vector<cv::Point2f> kept;
@@ -193,36 +184,33 @@ void FrontEnd::rectify(std::vector<Track>& tracks) const {
   std::vector<cv::Point2f> points;
   for (const Track& track : tracks) points.push_back(track.left);
   const auto rectified = calibration_.left.rectify(points);
-  const auto magnifications = calibration_.left.magnifications(points);
+  const auto magnifications = calibration_.left.magnifications(rectified);
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     tracks[i].left_rectified = rectified[i];
     tracks[i].magnification = magnifications[i];
   }
 }
 
-void FrontEnd::learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp) {
+/// How the camera moves against what most tracks see: those that do not see it end, and the others have
+/// another disparity.
+void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
+  const StereoCamera& camera = calibration_.camera;
+  const auto displacement = [](const Track& track) {
+    return Displacement{track.point, {track.left_rectified.x, track.left_rectified.y}};
+  };
   std::vector<Displacement> displacements;
-  for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    if (!before[i].disparity) continue;
-    displacements.push_back({pointBehind(calibration_.camera, before[i].left_rectified, *before[i].disparity),
-                             {tracks_[i].left_rectified.x, tracks_[i].left_rectified.y}});
+  for (const Track& track : tracks_) {
+    if (track.disparity) displacements.push_back(displacement(track));
   }
-  const auto motion = estimateMotion(calibration_.camera, displacements, guess);
+  const auto motion = estimateMotion(camera, displacements, guess);
   velocity_ = motion ? (motion->Log() / secondsBetween(last_stamp_, stamp)).eval() : Vector6d::Zero().eval();
-}
-
-/// Two views of a static world have one epipolar geometry. `before`: the same tracks, as they were.
-void FrontEnd::rejectOutliers(std::vector<Track>& before) {
-  if (tracks_.size() < kMinForGeometry) return;
-  std::vector<cv::Point2d> then, now;
-  for (const Track& track : before) then.push_back(track.left_rectified);
-  for (const Track& track : tracks_) now.push_back(track.left_rectified);
-  std::vector<uchar> is_inlier;
-  const cv::Mat F = cv::findFundamentalMat(then, now, cv::FM_RANSAC, kEpipolar, 0.99, is_inlier);
-  if (F.empty() || is_inlier.size() != tracks_.size()) return;
-  std::size_t i = 0, k = 0;
-  report_.rejected = removeTracks(tracks_, [&](const Track&) { return is_inlier[i++] == 0; });
-  removeTracks(before, [&](const Track&) { return is_inlier[k++] == 0; });
+  if (!motion) return;
+  report_.rejected = removeTracks(tracks_, [&](const Track& track) {
+    return track.disparity && misfit(camera, displacement(track), *motion) > kMisfit * track.magnification;
+  });
+  for (Track& track : tracks_) {
+    if (track.disparity) track.disparity = camera.fu * camera.baseline / (*motion * track.point).z();
+  }
 }
 
 void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
@@ -241,7 +229,7 @@ void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
       continue;
     }
     track.anchor = AnchorPatch::cut(left.image, track.left);
-    tracks_.push_back(track);
+    tracks_.push_back(std::move(track));
   }
   report_.without_texture = tracks_.size() < std::min(kLittleTexture, options_.features);
 }

@@ -84,32 +84,36 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
     if (!query.disparity) unknown.push_back(query);
   }
   const auto searched = search(left, right, unknown, 1.0);
-  std::vector<cv::Point2f> points;
-  std::vector<cv::Point2d> places;
-  std::vector<std::size_t> of;
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < queries.size(); ++i) {
-    const auto disparity = queries[i].disparity ? queries[i].disparity : searched[next++];
-    if (!disparity) continue;
-    points.push_back(queries[i].left);
-    places.push_back(queries[i].left_rectified - cv::Point2d(*disparity, 0.0));
-    of.push_back(i);
-  }
-  const Flow flow =
-      followPoints(left, right, points, calibration_.right.unrectify(places), 1, kMaxStereoRoundTrip);
-  const auto rectified = calibration_.right.rectify(flow.points);
   std::vector<StereoMatch> matches(queries.size());
-  for (std::size_t k = 0; k < of.size(); ++k) {
-    const cv::Point2d& at = queries[of[k]].left_rectified;
-    StereoMatch& match = matches[of[k]];
-    match.right = flow.points[k];
-    match.right_rectified = rectified[k];
-    match.round_trip = static_cast<double>(flow.round_trip[k]);
-    const double disparity = at.x - rectified[k].x;
-    const double wide = queries[of[k]].magnification;
-    match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError * wide &&
-                  disparity >= kMinDisparity * wide && disparity <= (max_disparity_ + kScale) * wide &&
-                  calibration_.right.shows(rectified[k]);
+  for (const bool is_known : {false, true}) {
+    std::vector<cv::Point2f> points;
+    std::vector<cv::Point2d> places;
+    std::vector<std::size_t> of;
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      if (queries[i].disparity.has_value() != is_known) continue;
+      const auto disparity = is_known ? queries[i].disparity : searched[next++];
+      if (!disparity) continue;
+      points.push_back(queries[i].left);
+      places.push_back(queries[i].left_rectified - cv::Point2d(*disparity, 0.0));
+      of.push_back(i);
+    }
+    const int levels = is_known ? 0 : 1; // a search knows to a quarter of the resolution
+    const Flow flow =
+        followPoints(left, right, points, calibration_.right.unrectify(places), levels, kMaxStereoRoundTrip);
+    const auto rectified = calibration_.right.rectify(flow.points);
+    for (std::size_t k = 0; k < of.size(); ++k) {
+      const cv::Point2d& at = queries[of[k]].left_rectified;
+      StereoMatch& match = matches[of[k]];
+      match.right = flow.points[k];
+      match.right_rectified = rectified[k];
+      match.round_trip = static_cast<double>(flow.round_trip[k]);
+      const double disparity = at.x - rectified[k].x;
+      const double wide = queries[of[k]].magnification;
+      match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError * wide &&
+                    disparity >= kMinDisparity * wide && disparity <= (max_disparity_ + kScale) * wide &&
+                    calibration_.right.shows(rectified[k]);
+    }
   }
   return matches;
 }

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/front_end/track.hpp"
 
 #include <cmath>
+#include <utility>
 
 namespace vi_ekf_slam {
 namespace {
@@ -29,9 +30,9 @@ bool align(const AnchorPatch& anchor, AnchorPatch::Warp start, const cv::Mat& im
 bool alignTrack(const cv::Mat& before, const cv::Mat& now, const TrackPrediction& prediction, float reach,
                 Track& track) {
   if (track.anchor && align(*track.anchor, track.warp, now, prediction, reach, track)) return true;
-  const auto anchor = AnchorPatch::cut(before, track.left);
+  auto anchor = AnchorPatch::cut(before, track.left);
   if (!anchor || !align(*anchor, {}, now, prediction, reach, track)) return false;
-  track.anchor = anchor;
+  track.anchor = std::move(anchor);
   track.strayed = std::hypot(track.strayed, kByNewAnchor);
   return true;
 }

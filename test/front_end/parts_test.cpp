@@ -69,12 +69,12 @@ TEST(CameraModel, a_fisheye_shows_what_a_plane_can_hold_beyond_the_pictures_bord
 
 TEST(CameraModel, a_pixel_of_a_fisheye_is_as_long_as_the_tangent_stretches_it) {
   const CameraModel model = wideFisheye();
-  EXPECT_NEAR(1.0, model.magnifications({{255.5f, 255.5f}}).front(), 1e-3);
+  EXPECT_NEAR(1.0, model.magnifications(model.rectify({{255.5f, 255.5f}})).front(), 1e-3);
   const double expected = std::pow(std::cos(1.0), -2); // 1 rad from the axis: d tan(a)/da, outwards
   const float aslant = 150.0f * std::sqrt(0.5f);
   for (const cv::Point2f& pixel :
        {cv::Point2f(405.5f, 255.5f), {255.5f, 105.5f}, {255.5f + aslant, 255.5f + aslant}})
-    EXPECT_NEAR(expected, model.magnifications({pixel}).front(), 1e-3);
+    EXPECT_NEAR(expected, model.magnifications(model.rectify({pixel})).front(), 1e-3);
   EXPECT_EQ(std::vector<double>({1.0, 1.0}),
             testCalibration().left.magnifications({{1.0f, 2.0f}, {100.0f, 200.0f}}));
 }
@@ -221,6 +221,31 @@ TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
   EXPECT_LT((motion->inverse() * truth).Log().norm(), 0.02);
   displacements.resize(5);
   EXPECT_FALSE(estimateMotion(kTestCamera, displacements, SE3()));
+}
+
+// A car ahead that the camera follows moves along its epipolar lines.
+TEST(EgoMotion, knows_what_moves_from_what_has_another_disparity) {
+  const SE3 ahead(so3::Exp({0.0, 0.02, 0.0}), {0.0, 0.0, -1.0});
+  for (const Eigen::Vector3d& p : {Eigen::Vector3d(2.0, -1.0, 8.0), Eigen::Vector3d(-3.0, 0.5, 20.0)}) {
+    const Eigen::Vector2d now = kTestCamera.project(ahead * p).head<2>();
+    EXPECT_NEAR(0.0, misfit(kTestCamera, {p, now}, ahead), 1e-9);
+    const double disparity = kTestCamera.fu * kTestCamera.baseline / p.z();
+    for (const double error : {-0.3, 0.3}) { // px
+      const double off = misfit(kTestCamera, {p * disparity / (disparity + error), now}, ahead);
+      EXPECT_GT(off, 0.0);
+      EXPECT_LT(off, 1.02 * std::abs(error));
+    }
+    const Eigen::Vector2d moved = kTestCamera.project(ahead * (p + Eigen::Vector3d(0.0, 0.0, 1.0))).head<2>();
+    EXPECT_GT(misfit(kTestCamera, {p, moved}, ahead), 1.0);
+    EXPECT_NEAR(3.0,
+                misfit(kTestCamera,
+                       {{0.0, 0.0, 1e6},
+                        kTestCamera.project(ahead * Eigen::Vector3d(0, 0, 1e6)).head<2>() +
+                            Eigen::Vector2d(0.0, 3.0)},
+                       ahead),
+                1e-3);
+  }
+  EXPECT_TRUE(std::isinf(misfit(kTestCamera, {{0.0, 0.0, 0.9}, {100.0, 100.0}}, ahead))); // behind it
 }
 
 TEST(GyroRotation, integrates_between_samples_and_knows_where_they_end) {

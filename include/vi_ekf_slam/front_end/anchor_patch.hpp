@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 
@@ -33,7 +34,7 @@ class AnchorPatch {
   static constexpr int kPixels = kSide * kSide;
 
   /// Nothing where the patch is not inside the image or has no contrast.
-  static std::optional<AnchorPatch> cut(const cv::Mat& image, const cv::Point2f& centre);
+  static std::unique_ptr<const AnchorPatch> cut(const cv::Mat& image, const cv::Point2f& centre);
 
   /// Gauss-Newton with the gradients of both images (efficient second-order minimisation, Benhimane and Malis
   /// 2004), from `start`, near which the shape is expected; nothing where it leaves the image or does not

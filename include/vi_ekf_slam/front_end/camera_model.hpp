@@ -33,8 +33,9 @@ class CameraModel {
   std::vector<cv::Point2f> unrectify(const std::vector<cv::Point2d>& rectified) const;
 
   /// How many pixels of the rectified image a pixel of the images that come is long there, where it is
-  /// longest: what turns an error of the one into one of the other that is not too small.
-  std::vector<double> magnifications(const std::vector<cv::Point2f>& pixels) const;
+  /// longest: what turns an error of the one into one of the other that is not too small. 1 where `shows` is
+  /// false.
+  std::vector<double> magnifications(const std::vector<cv::Point2d>& rectified) const;
 
   cv::Size size() const { return parameters_.size; }
   bool imagesAreRectified() const { return parameters_.images_are_rectified; }
@@ -47,6 +48,8 @@ class CameraModel {
 
  private:
   void setFieldOfView();
+  /// Rectified pixels -> those of the images that come, wherever they are; the axis for those behind it.
+  std::vector<cv::Point2d> distort(const std::vector<cv::Point2d>& rectified) const;
   bool isBeyondPlane(const cv::Point2d& raw) const;
 
   Parameters parameters_;

@@ -18,9 +18,12 @@ struct Displacement {
 Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left, double disparity);
 
 /// now_T_before of the rectified left camera: Gauss-Newton on the pixels' distances, beginning at `guess`, in
-/// which those that do not fit lose their weight (Geman and McClure). Nothing where too few agree. It says
-/// where to look for tracks in the next image, and is not precise enough for more.
+/// which those that do not fit lose their weight (Geman and McClure). Nothing where too few agree.
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
                                   const SE3& guess);
+
+/// px, how far the point is from where the motion puts it, at least: its disparity may be off, too, by as
+/// much.
+double misfit(const StereoCamera& camera, const Displacement& displacement, const SE3& now_T_before);
 
 } // namespace vi_ekf_slam

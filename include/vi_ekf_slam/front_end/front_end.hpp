@@ -34,7 +34,7 @@ struct FrontEndReport {
   bool rotation_known = false;  ///< the gyro predicted where the tracks went
   std::size_t followed = 0;     ///< tracks that went on
   std::size_t lost = 0;         ///< tracks that ended: not found again
-  std::size_t rejected = 0;     ///< tracks that ended: against the epipolar geometry of the others
+  std::size_t rejected = 0;     ///< tracks that ended: they move against what the others see
   std::size_t begun = 0;        ///< new tracks
   std::size_t matched = 0;      ///< of all tracks, found in the right picture: the features that go out
   double mean_life_s = 0.0;     ///< s, of the tracks that are alive
@@ -77,10 +77,9 @@ class FrontEnd {
   SE3 predictMotion(Stamp stamp);
   std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
   std::vector<bool> find(const Picture& left, const std::vector<TrackPrediction>& predictions);
-  void learnMotion(const SE3& guess, const std::vector<Track>& before, Stamp stamp);
+  void learnMotion(const SE3& guess, Stamp stamp);
   void follow(const Picture& left, Stamp stamp);
   void rectify(std::vector<Track>& tracks) const;
-  void rejectOutliers(std::vector<Track>& before);
   void beginTracks(const Picture& left, Stamp stamp);
   void matchTracks(const Picture& left, const Picture& right);
   StereoFrame features(const Picture& left, Stamp stamp, double seconds) const;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
@@ -17,10 +18,12 @@ struct Track {
   double magnification = 1.0;        ///< rectified px for one px of the image that came
   cv::Point2f right;                 ///< px, in the image that came; valid where matched
   cv::Point2d right_rectified;       ///< px
-  std::optional<double> disparity;   ///< px, of the last match
+  std::optional<double> disparity;   ///< px, of the last match, or where the camera moved since then
+  Eigen::Vector3d point;             ///< m, in the rectified left camera of the pair before
   bool matched = false;              ///< in the last pair
   int unmatched = 0;                 ///< pairs in a row without a match
-  std::optional<AnchorPatch> anchor; ///< what it looked like when it began, or since its looks changed
+  /// What it looked like when it began, or since its looks changed.
+  std::unique_ptr<const AnchorPatch> anchor;
   AnchorPatch::Warp warp;            ///< of the anchor to the last left image
   double strayed =
       0.0; ///< px, STANDARD DEVIATION of how far new anchors have led it away since it last went out
