@@ -23,6 +23,7 @@ constexpr float kPrior = 0.002f;
 // (Marquardt 1963).
 constexpr float kDamping = 0.25f, kLess = 0.25f;
 constexpr float kLeastScale = 0.5f; // of 1 + slant^T xi
+constexpr float kRounding = 0.01f;  // px, more than what is lost of 16384
 
 // The patch and a pixel around it, for gradients; filled up as AnchorPatch has it.
 constexpr int kWideHalf = AnchorPatch::kHalf + 1, kWide = 2 * kWideHalf + 1;
@@ -48,8 +49,8 @@ bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, Samples& out) {
   const float cx = warp.centre.x(), cy = warp.centre.y();
   const Eigen::Matrix2f& A = warp.shape;
   const bool is_inside = cx - reach_x >= 0.0f && cy - reach_y >= 0.0f &&
-                         cx + reach_x < static_cast<float>(image.cols - 1) &&
-                         cy + reach_y < static_cast<float>(image.rows - 1);
+                         cx + reach_x < static_cast<float>(image.cols - 1) - kRounding &&
+                         cy + reach_y < static_cast<float>(image.rows - 1) - kRounding;
   if (!is_inside) return false; // NaN too
   static const Samples u = grid(true), v = grid(false);
   const Samples inverse = (1.0f + warp.slant.x() * u + warp.slant.y() * v).inverse();

@@ -19,7 +19,8 @@ struct Track {
   cv::Point2f right;                 ///< px, in the image that came; valid where matched
   cv::Point2d right_rectified;       ///< px
   std::optional<double> disparity;   ///< px, of the last match, or where the camera moved since then
-  Eigen::Vector3d point;             ///< m, in the rectified left camera of the pair before
+  /// m, in the rectified left camera of the pair before; far away where its disparity is not known.
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
   bool matched = false;              ///< in the last pair
   int unmatched = 0;                 ///< pairs in a row without a match
   /// What it looked like when it began, or since its looks changed.
