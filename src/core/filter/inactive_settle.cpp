@@ -102,12 +102,7 @@ void InactiveStore::settle() {
 }
 
 void InactiveStore::beginSettling() {
-  if (settling_.valid() || isEmpty()) return;
-  if (open_.left() > 0) {
-    close();
-    begin(rows_);
-  }
-  if (blocks_.empty()) return;
+  if (settling_.valid() || blocks_.empty()) return;
   begun_ = begun();
   settling_ =
       std::async(std::launch::async | std::launch::deferred, [settled = settled_, cross = cross_,
@@ -134,9 +129,10 @@ void InactiveStore::endSettling() {
 }
 
 InactiveStore::Begun InactiveStore::begun() const {
+  const auto open = variables_.end() - static_cast<std::ptrdiff_t>(open_.count());
   Begun result{blocks_.size(), {}, {}, last_serial_};
-  for (auto variable = variables_.begin();
-       variable != variables_.end() - static_cast<std::ptrdiff_t>(open_.count()); ++variable) {
+  if (open != variables_.end()) result.last_serial = serials_.at(open->handle) - 1;
+  for (auto variable = variables_.begin(); variable != open; ++variable) {
     if (variable->handle != kTaken) result.handles.push_back(variable->handle);
   }
   return result;
@@ -193,9 +189,9 @@ std::vector<std::size_t> InactiveStore::keptOfSettled() const {
 /// Of the products in composed().
 double InactiveStore::settlingCost() const {
   const auto of = [](Eigen::Index size) { return static_cast<double>(size); };
-  const double size = of(rows_), opened = of(open_.begin);
-  double later = of(open_.left()), begin = opened;
-  double cost = 2.0 * opened * (size + later) * opened;
+  if (blocks_.empty()) return 0.0;
+  const double size = of(blocks_.back()->atEnd());
+  double later = 0.0, begin = size, cost = 0.0;
   for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
     const Block& block = **b;
     const double end = begin, left = of(block.left());

@@ -152,11 +152,11 @@ TEST(LandmarkMapTest, IsBoundedByItsOldest) {
 }
 
 TEST(LandmarkMapTest, IsBoundedOnceNoThreadSettlesIt) {
-  Mapped mapped(4, 12, keeping(MapKeep::kGood, 4));
-  for (FeatureId id = 100; id < 109; ++id) mapped.leave(id);
+  Mapped mapped(4, 16, keeping(MapKeep::kGood, 4));
+  for (FeatureId id = 100; id < 113; ++id) mapped.leave(id); // a block has ended
   mapped.scene.filter.beginSettlingInactive();
   mapped.map.bound(mapped.scene.filter);
-  EXPECT_EQ(mapped.scene.filter.inactive().size(), 9u) << "it would have to wait";
+  EXPECT_EQ(mapped.scene.filter.inactive().size(), 13u) << "it would have to wait";
   EXPECT_TRUE(mapped.scene.filter.inactive().isSettling());
   mapped.scene.filter.endSettlingInactive();
   mapped.map.bound(mapped.scene.filter);

@@ -94,12 +94,13 @@ class InactiveStore {
 
   /// All that was deferred, done. The cost is about n N^2 for N rows of inactive variables.
   void settle();
-  /// Does so for what is deferred now in a thread, while all goes on. endSettling, which waits for it, is for
-  /// the caller, at a moment that does not depend on the thread; marginaliseOldest and settle do it first.
+  /// Does so for the blocks that have ended in a thread, while all goes on. endSettling, which waits for it,
+  /// is for the caller, at a moment that does not depend on the thread; marginaliseOldest and settle do it
+  /// first.
   void beginSettling();
   void endSettling();
   bool isSettling() const { return settling_.valid(); }
-  /// What settling would cost now, floating-point operations.
+  /// What that would cost now, floating-point operations.
   double settlingCost() const;
   /// How many blocks wait to be settled: to take a row costs some n^2 for each.
   std::size_t deferredBlocks() const { return blocks_.size(); }
