@@ -65,7 +65,7 @@ void FrontEndDiagnostics::tracks(Status& status) {
   status.addf("mean life (s)", "%.2f", report.mean_life_s);
   status.add("new", report.begun);
   status.add("lost", report.lost);
-  status.add("rejected (epipolar geometry)", report.rejected);
+  status.add("rejected (moves against the others)", report.rejected);
   status.add("predicted by the gyro", report.rotation_known);
   status.addf("frame time (ms of CPU)", "%.2f", 1e3 * intake_.lastSeconds());
   status.addf("slowest frame (ms of CPU)", "%.2f", 1e3 * slowest_s_);
