@@ -23,6 +23,10 @@ Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left,
   return {(left.x - camera.cu) / camera.fu * depth, (left.y - camera.cv) / camera.fv * depth, depth};
 }
 
+double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point) {
+  return camera.fu * camera.baseline / point.z();
+}
+
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
                                   const SE3& guess) {
   SE3 motion = guess;
@@ -59,9 +63,8 @@ double misfit(const StereoCamera& camera, const Displacement& displacement, cons
   const Eigen::Vector3d q = now_T_before * p;
   if (q.z() < kMinDepth) return std::numeric_limits<double>::infinity();
   const Eigen::Vector2d r = displacement.now - camera.project(q).head<2>();
-  const double disparity = camera.fu * camera.baseline / p.z();
   const Eigen::Vector2d g =
-      camera.projectJacobian(q).topRows<2>() * (now_T_before.rotation() * p) / -disparity;
+      camera.projectJacobian(q).topRows<2>() * (now_T_before.rotation() * p) / -disparityOf(camera, p);
   const double along = g.dot(r);
   return std::sqrt(r.squaredNorm() - along * along / (1.0 + g.squaredNorm()));
 }

@@ -209,7 +209,7 @@ void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
     return track.disparity && misfit(camera, displacement(track), *motion) > kMisfit * track.magnification;
   });
   for (Track& track : tracks_) {
-    if (track.disparity) track.disparity = camera.fu * camera.baseline / (*motion * track.point).z();
+    if (track.disparity) track.disparity = disparityOf(camera, *motion * track.point);
   }
 }
 

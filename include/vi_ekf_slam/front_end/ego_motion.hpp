@@ -16,6 +16,8 @@ struct Displacement {
 
 /// The point behind a left pixel and its disparity, m; points at infinity are put far away.
 Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left, double disparity);
+/// Its disparity, px, for one before the camera.
+double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point);
 
 /// now_T_before of the rectified left camera: Gauss-Newton on the pixels' distances, beginning at `guess`, in
 /// which those that do not fit lose their weight (Geman and McClure). Nothing where too few agree.
