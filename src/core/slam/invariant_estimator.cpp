@@ -7,6 +7,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
+#include "vi_ekf_slam/core/tracking/new_landmarks.hpp"
 #include "vi_ekf_slam/core/tracking/track_walk.hpp"
 
 namespace vi_ekf_slam {
@@ -260,31 +261,10 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
   }
 }
 
-/// As many as there is room for, those first that are nearest to the middle of the picture: they stay
-/// longest.
-std::vector<std::size_t> InvariantEstimator::longestInView(const StereoFrame& frame,
-                                                           std::vector<std::size_t> features) const {
-  const auto in_view = static_cast<std::size_t>(
-      std::count_if(map_.active().begin(), map_.active().end(),
-                    [&](const Landmark& l) { return l.last_seen == frame.stamp && !l.reactivated; }));
-  const std::size_t room = config_.max_tracked > in_view ? config_.max_tracked - in_view : 0;
-  if (features.size() <= room) return features;
-  const StereoCamera& camera = model_->rig().camera;
-  const auto off_centre = [&](std::size_t feature) {
-    const StereoPixels& z = frame.features[feature].pixels;
-    return std::hypot(0.5 * (z[0] + z[2]) - camera.cu, z[1] - camera.cv);
-  };
-  std::sort(features.begin(), features.end(), [&](std::size_t a, std::size_t b) {
-    return std::make_pair(off_centre(a), frame.features[a].id) <
-           std::make_pair(off_centre(b), frame.features[b].id);
-  });
-  features.resize(room);
-  return features;
-}
-
 void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
                                     FrameReport& report) {
-  for (const std::size_t feature : longestInView(frame, features)) {
+  for (const std::size_t feature :
+       chooseNewLandmarks(frame, model_->rig().camera, map_, features, config_.max_tracked)) {
     const StereoFeatureObservation& f = frame.features[feature];
     const auto seen = model_->triangulate(filter_, f.pixels, f.sigma);
     if (!seen) continue;

@@ -226,9 +226,11 @@ TEST_P(RecoveryAtRate, IsNotCalledForBySingleFramesOfNonsense) {
 // Most tracks are used, and yet what is rejected says that something is wrong: the tracks live for two
 // frames, and of two in three the second one is elsewhere.
 TEST_P(RecoveryAtRate, HearsWhatWasRejected) {
+  InvariantConfig config = steadyTracks();
+  config.max_tracked = 120; // the honest ones, and all others
   for (unsigned seed = 1; seed <= 3; ++seed) {
     Road road = this->road(seed, 40, 40.0);
-    InvariantEstimator estimator = driven(road, 5 * perSecond());
+    InvariantEstimator estimator = driven(road, 5 * perSecond(), config);
     Divergence found = Divergence::kNone;
     FeatureId next = 1000000, first = next;
     int number = 0;

@@ -44,7 +44,7 @@ struct InvariantConfig {
   /// Median motion of the tracks in a tenth of a second up to which the picture stands still, px; 0: never.
   double standstill_px = 0.3;
   /// Landmarks in view at a time: the time for a frame grows with their cube.
-  std::size_t max_tracked = 100;
+  std::size_t max_tracked = 80;
   PlaceRecognition recognise_places = PlaceRecognition::kDescriptors;
 };
 

@@ -61,7 +61,6 @@ class InvariantEstimator : public Estimator {
   void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
-  std::vector<std::size_t> longestInView(const StereoFrame& frame, std::vector<std::size_t> features) const;
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
   void resume(const Closures::Resume& from, Stamp stamp);
 
