@@ -18,8 +18,7 @@ constexpr double kPosePriorSigma = 1e-6; // m, rad
 constexpr double kLongestStep = 0.1;     // s, over which the twist may be taken as constant
 constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is tracked through a longer gap
 // Times max_tracked, while a vehicle looks for its place in a map: of few landmarks in view too few are the
-// map's. With 1 one simulated lap of eight is not found in two thirds of its way, with 1.5 all are in a
-// third.
+// map's. By looks alone one simulated lap of eight takes 490 of 600 frames with 1, and none more than 220 so.
 constexpr double kWhileLost = 1.5;
 constexpr double kSameAxes = 0.5;        // rad: nearer than any other way to mount it
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
