@@ -43,7 +43,8 @@ struct InvariantConfig {
   RigVariables::Options rig;
   /// Median motion of the tracks in a tenth of a second up to which the picture stands still, px; 0: never.
   double standstill_px = 0.3;
-  /// Landmarks in view at a time: the time for a frame grows with their cube.
+  /// Landmarks in view at a time, half as many more while the place in a loaded map is looked for: the time
+  /// for a frame grows with their cube.
   std::size_t max_tracked = 80;
   PlaceRecognition recognise_places = PlaceRecognition::kDescriptors;
 };
