@@ -9,7 +9,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr int kRest = 6; // images
+constexpr int kRest = 12; // images
 constexpr std::size_t kMostInCell = 3;
 constexpr int kBlock = 7; // px, window of the structure tensor
 constexpr int kCornerBorder = kWindow;
@@ -33,6 +33,8 @@ std::size_t CornerDetector::cellOf(const cv::Point2f& point) const {
 }
 
 void CornerDetector::noteFailure(const cv::Point2f& corner) { rests_[cellOf(corner)] = kRest; }
+
+void CornerDetector::forgetFailures() { std::fill(rests_.begin(), rests_.end(), 0); }
 
 std::vector<cv::Point2f> CornerDetector::detect(const cv::Mat& image,
                                                 const std::vector<cv::Point2f>& occupied) {

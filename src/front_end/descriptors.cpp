@@ -1,8 +1,10 @@
 #include "vi_ekf_slam/front_end/descriptors.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
 
 namespace vi_ekf_slam {
 namespace {
@@ -10,19 +12,44 @@ namespace {
 constexpr int kPatch = 31; // px
 constexpr int kHalfPatch = kPatch / 2;
 
+using HalfWidths = std::array<int, kPatch>;
+
+/// px, of each row of a disc as large as the patch.
+HalfWidths discHalfWidths() {
+  HalfWidths widths{};
+  for (int v = -kHalfPatch; v <= kHalfPatch; ++v) {
+    widths[static_cast<std::size_t>(v + kHalfPatch)] =
+        static_cast<int>(std::sqrt(static_cast<double>(kHalfPatch * kHalfPatch - v * v)));
+  }
+  return widths;
+}
+
+/// Beyond the image's border its last pixel goes on.
+cv::Mat patchAround(const cv::Mat& image, const cv::Point& centre) {
+  const cv::Rect all(centre.x - kHalfPatch, centre.y - kHalfPatch, kPatch, kPatch);
+  const cv::Rect seen = all & cv::Rect({}, image.size());
+  if (seen == all) return image(all);
+  cv::Mat patch;
+  cv::copyMakeBorder(image(seen), patch, seen.y - all.y, all.br().y - seen.br().y, seen.x - all.x,
+                     all.br().x - seen.br().x, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
+  return patch;
+}
+
 /// Direction in degrees from the centre of the patch to the centroid of its intensities. OpenCV computes it
 /// for corners of its own alone.
 float directionAt(const cv::Mat& image, const cv::Point2f& point) {
-  const int x = cvRound(point.x), y = cvRound(point.y);
+  static const HalfWidths half_widths = discHalfWidths();
+  const cv::Mat patch = patchAround(image, point);
   int m10 = 0, m01 = 0;
-  for (int v = -kHalfPatch; v <= kHalfPatch; ++v) {
-    const int half = static_cast<int>(std::sqrt(static_cast<double>(kHalfPatch * kHalfPatch - v * v)));
-    const auto* row = image.ptr<std::uint8_t>(std::clamp(y + v, 0, image.rows - 1));
+  for (int r = 0; r < kPatch; ++r) {
+    const int half = half_widths[static_cast<std::size_t>(r)];
+    const auto* middle = patch.ptr<std::uint8_t>(r) + kHalfPatch;
+    int sum = 0;
     for (int u = -half; u <= half; ++u) {
-      const int value = row[std::clamp(x + u, 0, image.cols - 1)];
-      m10 += u * value;
-      m01 += v * value;
+      m10 += u * middle[u];
+      sum += middle[u];
     }
+    m01 += (r - kHalfPatch) * sum;
   }
   return cv::fastAtan2(static_cast<float>(m01), static_cast<float>(m10));
 }

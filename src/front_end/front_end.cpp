@@ -216,6 +216,8 @@ void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
 void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
   std::vector<cv::Point2f> occupied;
   for (const Track& track : tracks_) occupied.push_back(track.left);
+  const std::size_t few = std::min(kLittleTexture, options_.features);
+  if (tracks_.size() < few) detector_.forgetFailures(); // what was blurred or dark may be back
   std::vector<Track> begun;
   for (const cv::Point2f& corner : detector_.detect(left.image, occupied)) {
     begun.emplace_back();
@@ -231,7 +233,7 @@ void FrontEnd::beginTracks(const Picture& left, Stamp stamp) {
     track.anchor = AnchorPatch::cut(left.image, track.left);
     tracks_.push_back(std::move(track));
   }
-  report_.without_texture = tracks_.size() < std::min(kLittleTexture, options_.features);
+  report_.without_texture = tracks_.size() < few;
 }
 
 void FrontEnd::matchTracks(const Picture& left, const Picture& right) {

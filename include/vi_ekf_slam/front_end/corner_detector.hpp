@@ -17,6 +17,8 @@ class CornerDetector {
   std::vector<cv::Point2f> detect(const cv::Mat& image, const std::vector<cv::Point2f>& occupied);
   /// A corner was of no use: its cell is left alone for the next few images.
   void noteFailure(const cv::Point2f& corner);
+  /// Every part is looked at again in the next picture.
+  void forgetFailures();
 
   /// px, between two points.
   float minDistance() const { return 0.35f * static_cast<float>(cell_); }
