@@ -23,6 +23,9 @@ constexpr float kPrior = 0.002f;
 // Of the normal equations' diagonal after a step that was none, and what it falls by after each that was
 // (Marquardt 1963).
 constexpr float kDamping = 0.25f, kLess = 0.25f;
+// Of a step: central differences of fine texture are less than its slope, and whole steps go too far. On
+// recorded and drawn pictures 0.8 to 0.9 need a tenth fewer of them than 1, and 0.7 as many.
+constexpr float kStep = 0.85f;
 constexpr float kLeastScale = 0.5f; // of 1 + slant^T xi
 constexpr float kRounding = 0.01f;  // px, more than what is lost of 16384
 
@@ -195,7 +198,7 @@ std::optional<AnchorPatch::Fit> AnchorPatch::align(const cv::Mat& image, const W
     }
     Eigen::Matrix<float, 8, 8> damped = normal.H;
     damped.diagonal() *= 1.0f + damping;
-    step = damped.ldlt().solve(normal.b);
+    step = kStep * damped.ldlt().solve(normal.b);
     if (!step.allFinite()) return std::nullopt;
     if (step.head<2>().norm() < kConverged && step.tail<kShape>().norm() < kShapeConverged) {
       fit.warp = compose(fit.warp, step);
