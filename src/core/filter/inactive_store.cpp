@@ -15,12 +15,16 @@ namespace {
 // there would be many blocks to settle, with more each update would have much to take along.
 constexpr double kShareThatLeaves = 0.5;
 constexpr double kMostThatLeave = 2.0; // of them, where a better moment to end it does not come
+// Who stands or turns about loses few, and would take them along for ever: over so many updates twice the
+// columns cost as much as a block that is settled.
+constexpr double kLongestSurplus = 30.0;
 
 } // namespace
 
 /// From here on: F = I, nothing learned.
 void InactiveStore::begin(Eigen::Index rows) {
   rows_ = began_with_ = rows;
+  surplus_ = 0.0;
   open_.first.assign(1, 0);
   open_.begin = rows;
   const Eigen::Index room = rows + static_cast<Eigen::Index>(kShareThatLeaves * static_cast<double>(rows));
@@ -74,6 +78,11 @@ void InactiveStore::close() {
 void InactiveStore::correct(const Innovation& in, const DirectUpdate* direct, const Eigen::MatrixXd& root,
                             const std::vector<Variables::Reexpressed>& points) {
   if (isEmpty()) return;
+  surplus_ += static_cast<double>(columns() - began_with_) / static_cast<double>(began_with_);
+  if (surplus_ > kLongestSurplus) {
+    close();
+    begin(rows_);
+  }
   auto X = map();
   Eigen::MatrixXd HX(in.rows(), X.cols());
   in.applyH(X, HX);

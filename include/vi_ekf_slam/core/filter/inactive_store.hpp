@@ -169,6 +169,7 @@ class InactiveStore {
   OpenBlock open_;
   Eigen::Index rows_ = 0;       ///< n, of the active errors now
   Eigen::Index began_with_ = 0; ///< n, when the open block began
+  double surplus_ = 0.0;        ///< of columns over that, as shares of it, summed over the updates since
   std::unordered_map<Handle, std::uint64_t> serials_;
   std::uint64_t last_serial_ = 0;
   std::shared_future<inactive::Composed> settling_;
