@@ -22,10 +22,13 @@ struct Leaving {
       scene.motion.process(scene.filter, gyro);
     }
     scene.filter.settle();
-    const auto all = scene.seen(random, 1.0);
-    if (!all.empty()) correct(scene.filter, all);
+    look();
     leave();
     scene.addPoint(random);
+  }
+  void look() {
+    const auto all = scene.seen(random, 1.0);
+    if (!all.empty()) correct(scene.filter, all);
   }
   void leave() {
     scene.filter.deactivate(scene.points.front(), 1e-3 * random.covariance<3>());
@@ -79,6 +82,20 @@ TEST(InactiveStoreTest, IsTheSameHoweverOftenItIsSettled) {
   EXPECT_LT(worstCorrelationError(jointOf(once.scene.filter), jointOf(often.scene.filter)), 1e-9);
   EXPECT_LT(distance(stateOf(once.scene.filter).x, stateOf(often.scene.filter).x), 1e-9);
   EXPECT_GT(once.store().settlingCost(), 0.0);
+}
+
+TEST(InactiveStoreTest, WhoLosesNothingMoreDoesNotTakeAlongWhatLeftForEver) {
+  Leaving drive(3), settled(3);
+  for (Leaving* each : {&drive, &settled}) each->drive(3);
+  settled.scene.filter.settleInactive();
+  const std::size_t before = drive.store().deferredBlocks();
+  for (int i = 0; i < 300; ++i) {
+    drive.look();
+    settled.look();
+  }
+  EXPECT_EQ(drive.store().deferredBlocks(), before + 1);
+  EXPECT_LT(worstCorrelationError(jointOf(drive.scene.filter), jointOf(settled.scene.filter)), 1e-9);
+  EXPECT_LT(distance(stateOf(drive.scene.filter).x, stateOf(settled.scene.filter).x), 1e-9);
 }
 
 TEST(InactiveStoreTest, IsTheSameWhereAThreadSettlesWhileTheDriveGoesOn) {
