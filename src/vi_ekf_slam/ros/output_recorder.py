@@ -16,8 +16,9 @@ from vi_ekf_slam.common.exit_status import EXIT_REFUSED
 
 TOPICS = ("/tf", "/tf_static", "odometry", "dead_reckoning/odometry", "pose", "loop_closures", "/ground_truth/pose",
           "/diagnostics")
-# Each message holds all of the path or of the map so far. They are written so often only that the bag grows steadily.
-THINNED = ("path", "dead_reckoning/path", "/ground_truth/path", "landmarks", "landmark_cloud")
+# Each message holds all of the path or of the map so far, or is a picture. They are written so often only that the bag
+# grows steadily.
+THINNED = ("path", "dead_reckoning/path", "/ground_truth/path", "landmarks", "landmark_cloud", "front_end/image")
 THINNED_PERIOD_S = 0.9  # at least; less than the second between two maps
 THINNED_BYTES_PER_S = 5e4  # of each topic
 QUEUE = 10000

@@ -17,8 +17,10 @@ TOPIC_DISPLAYS = {
     "rviz/PointCloud2": ("Topic", "sensor_msgs/PointCloud2"),
     "rviz/Marker": ("Marker Topic", "visualization_msgs/Marker"),
     "rviz/MarkerArray": ("Marker Topic", "visualization_msgs/MarkerArray"),
+    "rviz/Image": ("Image Topic", "sensor_msgs/Image"),
 }
 TRUTH = "Ground truth"  # the one display that may be without its topic: most drives have no truth
+TRACKS = "Tracks"  # the front end's picture; off until there is one, since it takes a part of the window
 # What can be chosen: name of the display in the shipped file.
 DISPLAYS = {"path": "Path", "dead_reckoning": "Dead reckoning", "truth": TRUTH, "landmarks": "Landmarks",
             "landmark_cloud": "Landmarks from afar", "pose": "Pose, 3 sigma"}
@@ -85,11 +87,11 @@ def set_topic(config, name, topic):
         displays.remove(display)
 
 
-def without_truth(config):
-    """Switch the display of the truth off."""
+def switch(config, name, on):
+    """Switch the displays of this name on or off."""
     for display in displays_of(config):
-        if display.get("Name") == TRUTH:
-            display["Enabled"] = display["Value"] = False
+        if display.get("Name") == name:
+            display["Enabled"] = display["Value"] = on
 
 
 def set_scale(config, factor):

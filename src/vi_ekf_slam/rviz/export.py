@@ -7,8 +7,8 @@ from vi_ekf_slam.common.checks import require_positive
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.rviz.config import (DISPLAYS, FRAMES, dump_config, load_config, set_frames, set_topic, shipped_path,
-                                     set_scale, topic_displays)
+from vi_ekf_slam.rviz.config import (DISPLAYS, FRAMES, TRACKS, dump_config, load_config, set_frames, set_topic,
+                                     shipped_path, set_scale, topic_displays)
 from vi_ekf_slam.rviz.offer_checks import check
 
 TOPIC_NAME = re.compile(r"^[A-Za-z/][A-Za-z0-9_/]*$")
@@ -91,6 +91,7 @@ def export(options):
         set_scale(config, options.scale)
     for name, topic in topics.items():
         set_topic(config, name, topic)
+    set_topic(config, TRACKS, options.namespace.rstrip("/") + "/front_end/image")
     set_frames(config, {FRAMES[option]: frame for option, frame in frames.items()})
     displays = topic_displays(config)
     if options.bag or options.check_graph:

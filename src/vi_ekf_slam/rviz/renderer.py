@@ -17,7 +17,8 @@ from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz import offers
-from vi_ekf_slam.rviz.config import TRUTH, displays_of, dump_config, load_config, shipped_path, topic_displays, without_truth
+from vi_ekf_slam.rviz.config import (TRACKS, TRUTH, displays_of, dump_config, load_config, shipped_path, switch,
+                                     topic_displays)
 from vi_ekf_slam.rviz.legend import add_legend
 from vi_ekf_slam.rviz.session import RvizSession
 
@@ -46,7 +47,7 @@ def make_parser():
     parser.add_argument("bag", metavar="BAG")
     parser.add_argument("output", metavar="OUT.png")
     parser.add_argument("--config", metavar="FILE.rviz", help="default: the shipped one; where the bag has no truth, "
-                        "its display '%s' is switched off" % TRUTH)
+                        "its display '%s' is switched off, and '%s' on where it has the front end's picture" % (TRUTH, TRACKS))
     parser.add_argument("--view", choices=("config", "top"), default="config",
                         help="config: the view of the configuration; top: from straight above, all paths in view "
                              "(default: %(default)s)")
@@ -93,12 +94,14 @@ def player_command(options, offer, displays, folder):
 def prepare_config(options, folder):
     """(path of the configuration to show, its displays, the bag's Offer)."""
     config = load_config(options.config or shipped_path())
+    if not options.config:
+        switch(config, TRACKS, True)
     displays = topic_displays(config)
     offer = offers.read_bag(options.bag, [d.topic for d in displays])
-    missing = [d.name for d in displays if d.topic not in offer.topics]
-    if TRUTH in missing:
-        without_truth(config)
-        displays = topic_displays(config)
+    for display in displays:
+        if display.name in (TRACKS, TRUTH) and display.topic not in offer.topics:
+            switch(config, display.name, False)
+    displays = topic_displays(config)
     path = os.path.join(folder, "shown.rviz")
     with open(path, "wb") as stream:
         stream.write(dump_config(config))

@@ -16,6 +16,7 @@ from python_qt_binding.QtCore import QSocketNotifier, Qt, QTimer
 from python_qt_binding.QtGui import QColor
 from python_qt_binding.QtWidgets import QApplication, QDockWidget, QToolBar, QWidget
 from rviz import bindings
+from sensor_msgs.msg import Image
 
 from vi_ekf_slam.rviz.config import LENGTHS, displays_of, load_config, set_scale, topic_displays
 
@@ -29,8 +30,14 @@ LABEL_HEIGHT = 0.1  # m of a frame's name for each unit of TF's Marker Scale, as
 CAR_SCALE = LABEL_PX / (LABEL_HEIGHT * 12.0)  # px/m at which the shipped configuration's names have that height
 
 
+IMAGE_SHARE = 0.25  # of the view's width, in its lower left corner
+
+
 class Viewer:
-    """rviz's window without its panels, so that the view has exactly the size that was asked for (pixels)."""
+    """rviz's window without its panels, so that the view has exactly the size that was asked for (pixels).
+
+    Images, which have windows of their own in rviz, lie in its lower left corner.
+    """
 
     def __init__(self, config, width, height):
         self.frame = bindings.VisualizationFrame()
@@ -42,7 +49,15 @@ class Viewer:
             raise RuntimeError("%s: %s" % (config, reader.errorMessage()))
         self.frame.load(loaded)
         self.manager = self.frame.getManager()
-        for widget in self.frame.findChildren(QDockWidget) + self.frame.findChildren(QToolBar):
+        self.config = load_config(config)
+        displays = topic_displays(self.config)
+        images = {display.name: display.topic for display in displays if display.kind == "sensor_msgs/Image"}
+        docks = self.frame.findChildren(QDockWidget)
+        self.windows = {images[dock.windowTitle()]: dock for dock in docks if dock.windowTitle() in images}
+        for dock in self.windows.values():
+            dock.setTitleBarWidget(QWidget())
+            dock.setFloating(True)
+        for widget in [dock for dock in docks if dock not in self.windows.values()] + self.frame.findChildren(QToolBar):
             widget.hide()
         self.frame.menuBar().hide()
         self.frame.statusBar().hide()
@@ -53,15 +68,29 @@ class Viewer:
         self.frame.show()
         self.frame.adjustSize()
         self.frame.move(0, 0)
-        self.config = load_config(config)
         self.paths = {}  # topic: its last message
         rospy.init_node("rviz_paths", anonymous=True, disable_signals=True, disable_rosout=True)
+        self.shapes = {}  # topic: height over width of its last image
         self.listeners = [rospy.Subscriber(display.topic, Path, self.on_path, display.topic)
-                          for display in topic_displays(self.config) if display.kind == "nav_msgs/Path"]
+                          for display in displays if display.kind == "nav_msgs/Path"]
+        self.listeners += [rospy.Subscriber(topic, Image, self.on_image, topic) for topic in self.windows]
 
     def on_path(self, message, topic):
         """A path to be kept in view."""
         self.paths[topic] = message
+
+    def on_image(self, message, topic):
+        """An image whose window is to have its shape."""
+        if message.width > 0:
+            self.shapes[topic] = message.height / message.width
+
+    def place_images(self):
+        """Lay the windows of images over the view, side by side from its lower left corner."""
+        corner, width = self.panel.mapToGlobal(self.panel.rect().bottomLeft()), int(IMAGE_SHARE * self.panel.width())
+        for i, (topic, window) in enumerate(self.windows.items()):
+            height = min(int(self.shapes.get(topic, 1.0) * width), self.panel.height())
+            window.setGeometry(corner.x() + i * width, corner.y() + 1 - height, width, height)
+            window.raise_()
 
     def statuses(self):
         """[{display, class, level, messages}] of all displays that are switched on; level is one of STATUS_WORDS."""
@@ -110,13 +139,16 @@ class Viewer:
 
     def grab(self, path):
         """Write the view as a PNG."""
-        picture = QApplication.primaryScreen().grabWindow(int(self.panel.winId()))
+        corner = self.panel.mapToGlobal(self.panel.rect().topLeft())
+        # Of the screen, so that what lies over the view is in it.
+        picture = QApplication.primaryScreen().grabWindow(0, corner.x(), corner.y(), self.panel.width(), self.panel.height())
         if picture.isNull() or not picture.save(path, "PNG"):
             raise RuntimeError("%s: the picture cannot be written" % path)
 
     def answer(self, request):
         """The answer to one request."""
         action = request["do"]
+        self.place_images()
         if action == "time":
             return {"time": self.manager.getROSTime(), "frames": self.manager.getFrameCount()}
         if action == "status":

@@ -9,9 +9,11 @@ import time
 import numpy as np
 import pytest
 import rosbag
+import rospy
 import yaml
 from conftest import HANG_S, ROOT, script_path
 from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_picture, share_hit
+from sensor_msgs.msg import Image
 
 from vi_ekf_slam.ros.private_ros import child, ros_master
 
@@ -128,7 +130,7 @@ def test_the_shipped_configuration_shows_a_drive(folder):
     """The drive goes through slam.launch while rviz looks on."""
     printed = succeed("render_rviz.py", folder / "drive.bag", folder / "shipped.png", "--size", *SIZE)
     assert [line.split(":")[0] for line in printed.splitlines()[1:]] == \
-        [d["Name"] for d in shipped()["Visualization Manager"]["Displays"]] + ["wrote"]
+        [d["Name"] for d in shipped()["Visualization Manager"]["Displays"] if d["Enabled"]] + ["wrote"]
     check_picture(folder / "shipped.png", shipped(), Scene(str(folder / "outputs.bag")))
 
 
@@ -168,6 +170,25 @@ def test_a_broken_configuration_is_a_failure(folder):
     assert not (folder / "broken.png").exists()
 
 
+@needs_rviz
+def test_the_front_ends_picture_lies_in_the_corner_where_the_bag_has_it(folder, tmp_path):
+    orange, height = (255, 120, 0), 30
+    with rosbag.Bag(str(folder / "outputs.bag")) as old, rosbag.Bag(str(tmp_path / "with.bag"), "w") as new:
+        for topic, message, stamp in old.read_messages():
+            new.write(topic, message, stamp)
+        image = Image(height=height, width=40, encoding="rgb8", step=3 * 40, data=bytes(orange) * (height * 40))
+        image.header.frame_id = "left_camera_optical"
+        for stamp in (old.get_start_time() + 1.0, old.get_end_time()):
+            image.header.stamp = rospy.Time.from_sec(stamp)
+            new.write("/front_end/image", image, image.header.stamp)
+    said = succeed("render_rviz.py", tmp_path / "with.bag", tmp_path / "with.png", "--size", *SIZE, "--no-legend", "--rate", 8)
+    assert "Tracks: Image: " in said
+    shown = has_colour(read_picture(tmp_path / "with.png"), orange)
+    width = SIZE[0] // 4
+    corner = shown[SIZE[1] - width * height // 40:, :width]
+    assert corner.mean() > 0.9 and shown.sum() - corner.sum() < 0.01 * corner.sum()
+
+
 def test_the_default_export_is_the_shipped_configuration(tmp_path):
     succeed("export_rviz_config.py", "--output", tmp_path / "same.rviz")
     assert yaml.safe_load((tmp_path / "same.rviz").read_text()) == shipped()
@@ -188,7 +209,7 @@ def test_an_export_holds_none_of_the_shipped_names(tmp_path):
     values = {line.split(": ", 1)[-1].strip() for line in text.splitlines()}
     topics = {value for value in values if value.startswith("/")}
     assert topics == {"/robot1" + topic for topic in ("/path", "/dead_reckoning/path", "/pose", "/landmarks",
-                                                      "/landmark_cloud")}
+                                                      "/landmark_cloud", "/front_end/image")}
     assert not values & {"map", "odom", "imu_link", "map:", "odom:", "imu_link:"}
     assert "Ground truth" not in text
 
