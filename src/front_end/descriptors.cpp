@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgproc.hpp>
 
 namespace vi_ekf_slam {
 namespace {

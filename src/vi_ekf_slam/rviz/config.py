@@ -19,7 +19,7 @@ TOPIC_DISPLAYS = {
     "rviz/MarkerArray": ("Marker Topic", "visualization_msgs/MarkerArray"),
     "rviz/Image": ("Image Topic", "sensor_msgs/Image"),
 }
-TRUTH = "Ground truth"  # the one display that may be without its topic: most drives have no truth
+TRUTH = "Ground truth"  # may be without its topic: most drives have no truth
 TRACKS = "Tracks"  # the front end's picture; off until there is one, since it takes a part of the window
 # What can be chosen: name of the display in the shipped file.
 DISPLAYS = {"path": "Path", "dead_reckoning": "Dead reckoning", "truth": TRUTH, "landmarks": "Landmarks",

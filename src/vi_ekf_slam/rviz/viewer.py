@@ -25,12 +25,10 @@ WARNING = QColor(192, 128, 0)
 STATUS_WORDS = ("Ok", "Warn", "Error")
 MARGIN = 0.08  # of the paths' extent, on each side
 MIN_EXTENT = 2.0  # m
+IMAGE_SHARE = 0.25  # of the view's width, for an image
 LABEL_PX = 14.0  # height of the names of frames
 LABEL_HEIGHT = 0.1  # m of a frame's name for each unit of TF's Marker Scale, as rviz draws it
 CAR_SCALE = LABEL_PX / (LABEL_HEIGHT * 12.0)  # px/m at which the shipped configuration's names have that height
-
-
-IMAGE_SHARE = 0.25  # of the view's width, in its lower left corner
 
 
 class Viewer:
@@ -52,13 +50,16 @@ class Viewer:
         self.config = load_config(config)
         displays = topic_displays(self.config)
         images = {display.name: display.topic for display in displays if display.kind == "sensor_msgs/Image"}
-        docks = self.frame.findChildren(QDockWidget)
-        self.windows = {images[dock.windowTitle()]: dock for dock in docks if dock.windowTitle() in images}
-        for dock in self.windows.values():
-            dock.setTitleBarWidget(QWidget())
-            dock.setFloating(True)
-        for widget in [dock for dock in docks if dock not in self.windows.values()] + self.frame.findChildren(QToolBar):
-            widget.hide()
+        self.windows = {}  # topic: the window of its image
+        for dock in self.frame.findChildren(QDockWidget):
+            if dock.windowTitle() in images:
+                self.windows[images[dock.windowTitle()]] = dock
+                dock.setTitleBarWidget(QWidget())
+                dock.setFloating(True)
+            else:
+                dock.hide()
+        for bar in self.frame.findChildren(QToolBar):
+            bar.hide()
         self.frame.menuBar().hide()
         self.frame.statusBar().hide()
         self.frame.setHideButtonVisibility(False)
