@@ -17,19 +17,18 @@ Flow followPoints(const Picture& from, const Picture& to, const std::vector<cv::
   if (points.empty()) return flow;
   const cv::Size window(kWindow, kWindow);
   std::vector<uchar> forth, back;
-  std::vector<float> error;
   flow.points = guesses;
-  cv::calcOpticalFlowPyrLK(from.pyramid, to.pyramid, points, flow.points, forth, error, window, levels,
-                           kFlowIterations, cv::OPTFLOW_USE_INITIAL_FLOW, kFlowMinEigenvalue);
+  cv::calcOpticalFlowPyrLK(from.pyramid, to.pyramid, points, flow.points, forth, cv::noArray(), window,
+                           levels, kFlowIterations, cv::OPTFLOW_USE_INITIAL_FLOW, kFlowMinEigenvalue);
   std::vector<cv::Point2f> returned = points;
-  cv::calcOpticalFlowPyrLK(to.pyramid, from.pyramid, flow.points, returned, back, error, window, 0,
+  cv::calcOpticalFlowPyrLK(to.pyramid, from.pyramid, flow.points, returned, back, cv::noArray(), window, 0,
                            kFlowIterations, cv::OPTFLOW_USE_INITIAL_FLOW, kFlowMinEigenvalue);
   const float right = static_cast<float>(to.image.cols - 1) - kFlowBorder;
   const float bottom = static_cast<float>(to.image.rows - 1) - kFlowBorder;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const cv::Point2f& p = flow.points[i];
-    flow.round_trip.push_back(static_cast<float>(cv::norm(returned[i] - points[i])));
-    flow.found.push_back(forth[i] != 0 && back[i] != 0 && flow.round_trip[i] <= max_round_trip &&
+    const auto round_trip = static_cast<float>(cv::norm(returned[i] - points[i]));
+    flow.found.push_back(forth[i] != 0 && back[i] != 0 && round_trip <= max_round_trip &&
                          p.x >= kFlowBorder && p.y >= kFlowBorder && p.x <= right && p.y <= bottom);
   }
   return flow;

@@ -107,7 +107,6 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
       StereoMatch& match = matches[of[k]];
       match.right = flow.points[k];
       match.right_rectified = rectified[k];
-      match.round_trip = static_cast<double>(flow.round_trip[k]);
       const double disparity = at.x - rectified[k].x;
       const double wide = queries[of[k]].magnification;
       match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError * wide &&

@@ -19,7 +19,6 @@ struct StereoQuery {
 struct StereoMatch {
   cv::Point2f right;           ///< px in the image that came
   cv::Point2d right_rectified; ///< px
-  double round_trip = 0.0;     ///< px, left to right and back
   bool found = false;
 };
 
