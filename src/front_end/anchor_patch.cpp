@@ -198,7 +198,7 @@ std::optional<AnchorPatch::Fit> AnchorPatch::align(const cv::Mat& image, const W
     }
     Eigen::Matrix<float, 8, 8> damped = normal.H;
     damped.diagonal() *= 1.0f + damping;
-    step = kStep * damped.ldlt().solve(normal.b);
+    step = kStep * damped.llt().solve(normal.b);
     if (!step.allFinite()) return std::nullopt;
     if (step.head<2>().norm() < kConverged && step.tail<kShape>().norm() < kShapeConverged) {
       fit.warp = compose(fit.warp, step);
