@@ -89,11 +89,15 @@ void preparePicture(Picture& picture, const Light& light) {
   const double gain = light.contrast > 0.0 && picture.light.contrast > 0.0
                           ? std::clamp(light.contrast / picture.light.contrast, 1.0 / kMaxGain, kMaxGain)
                           : 1.0;
-  cv::Mat lit; // not in place: the image is somebody else's
+  // Not in place, since the image is somebody else's, and with the border that flow needs.
+  const cv::Rect inside({kWindow, kWindow}, picture.image.size());
+  cv::Mat bordered(cv::Size(inside.br() + inside.tl()), CV_8U), lit = bordered(inside);
   picture.image.convertTo(lit, CV_8U, gain, light.mean - gain * picture.light.mean);
+  cv::copyMakeBorder(lit, bordered, kWindow, kWindow, kWindow, kWindow,
+                     cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
   picture.image = lit;
-  cv::buildOpticalFlowPyramid(picture.image, picture.pyramid, cv::Size(kWindow, kWindow), kLevels, true,
-                              cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT, false);
+  cv::buildOpticalFlowPyramid(lit, picture.pyramid, cv::Size(kWindow, kWindow), kLevels, true,
+                              cv::BORDER_REFLECT_101, cv::BORDER_CONSTANT, true);
 }
 
 } // namespace vi_ekf_slam
