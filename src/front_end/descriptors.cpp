@@ -10,6 +10,8 @@ namespace {
 
 constexpr int kPatch = 31; // px
 constexpr int kHalfPatch = kPatch / 2;
+// px from a point to what its descriptor depends on: ORB's pattern reaches to 18, what blurs it beforehand 3.
+constexpr int kReach = 22, kAround = 2 * kReach + 1;
 
 using HalfWidths = std::array<int, kPatch>;
 
@@ -23,26 +25,28 @@ HalfWidths discHalfWidths() {
   return widths;
 }
 
-/// Beyond the image's border its last pixel goes on.
-cv::Mat patchAround(const cv::Mat& image, const cv::Point& centre) {
-  const cv::Rect all(centre.x - kHalfPatch, centre.y - kHalfPatch, kPatch, kPatch);
-  const cv::Rect seen = all & cv::Rect({}, image.size());
-  if (seen == all) return image(all);
-  cv::Mat patch;
-  cv::copyMakeBorder(image(seen), patch, seen.y - all.y, all.br().y - seen.br().y, seen.x - all.x,
-                     all.br().x - seen.br().x, cv::BORDER_REPLICATE | cv::BORDER_ISOLATED);
-  return patch;
+/// What is around the points, side by side; beyond the image's border it is mirrored.
+cv::Mat patchesAround(const cv::Mat& image, const std::vector<cv::Point2f>& points) {
+  cv::Mat patches(kAround, kAround * static_cast<int>(points.size()), CV_8UC1);
+  cv::Rect place(0, 0, kAround, kAround);
+  for (const cv::Point point : points) {
+    const cv::Rect all(point - cv::Point(kReach, kReach), place.size());
+    const cv::Rect seen = all & cv::Rect({}, image.size());
+    cv::copyMakeBorder(image(seen), patches(place), seen.y - all.y, all.br().y - seen.br().y, seen.x - all.x,
+                       all.br().x - seen.br().x, cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
+    place.x += kAround;
+  }
+  return patches;
 }
 
-/// Direction in degrees from the centre of the patch to the centroid of its intensities. OpenCV computes it
+/// Direction in degrees from the centre of a patch to the centroid of its intensities. OpenCV computes it
 /// for corners of its own alone.
-float directionAt(const cv::Mat& image, const cv::Point2f& point) {
+float directionAt(const cv::Mat& image, const cv::Point& centre) {
   static const HalfWidths half_widths = discHalfWidths();
-  const cv::Mat patch = patchAround(image, point);
   int m10 = 0, m01 = 0;
   for (int r = 0; r < kPatch; ++r) {
     const int half = half_widths[static_cast<std::size_t>(r)];
-    const auto* middle = patch.ptr<std::uint8_t>(r) + kHalfPatch;
+    const auto* middle = image.ptr<std::uint8_t>(centre.y + r - kHalfPatch) + centre.x;
     int sum = 0;
     for (int u = -half; u <= half; ++u) {
       m10 += u * middle[u];
@@ -56,13 +60,17 @@ float directionAt(const cv::Mat& image, const cv::Point2f& point) {
 } // namespace
 
 std::vector<Descriptor> describePoints(const cv::Mat& image, const std::vector<cv::Point2f>& points) {
+  if (points.empty()) return {};
+  const cv::Mat patches = patchesAround(image, points); // the whole image would be blurred for some points
   std::vector<cv::KeyPoint> keypoints;
-  for (const auto& point : points) keypoints.emplace_back(point, kPatch, directionAt(image, point), 1.0f, 0);
-  if (keypoints.empty()) return {};
-  // No point is too near to the border: what lies beyond is mirrored.
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const cv::Point centre(static_cast<int>(i) * kAround + kReach, kReach);
+    keypoints.emplace_back(centre, kPatch, directionAt(patches, centre), 1.0f, 0);
+  }
+  // No point is too near to the border.
   const auto orb = cv::ORB::create(1, 1.2f, 1, 0, 0, 2, cv::ORB::HARRIS_SCORE, kPatch);
   cv::Mat rows;
-  orb->compute(image, keypoints, rows);
+  orb->compute(patches, keypoints, rows);
   std::vector<Descriptor> descriptors(points.size());
   CV_Assert(static_cast<std::size_t>(rows.rows) == points.size());
   for (int i = 0; i < rows.rows; ++i)

@@ -15,6 +15,9 @@ constexpr float kMaxFlowRoundTrip = 0.5f;      // px
 constexpr double kMisfit = 1.0;                // px from where a point of the static world would be
 constexpr int kMaxUnmatched = 5;               // pairs
 constexpr double kLightTime = 2.0;             // s; exposure controls are faster, the light of a scene slower
+// s for which a descriptor is good: to describe every track in every pair takes as long as to follow half of
+// them.
+constexpr double kDescribed = 0.2;
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
 constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
 constexpr std::size_t kLittleTexture = 10;     // tracks
@@ -91,7 +94,8 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   last_stamp_ = images.stamp;
   gyro_.forgetBefore(images.stamp);
   summarise(images.stamp);
-  return features(left, images.stamp, seconds);
+  describeTracks(left, images.stamp);
+  return features(images.stamp, seconds);
 }
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.
@@ -278,9 +282,25 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
   }
 }
 
-/// `seconds`: since the pair before, over which a filter spreads what a new anchor did to a track.
-StereoFrame FrontEnd::features(const Picture& left, Stamp stamp, double seconds) const {
+/// Those that go out for the first time, and those whose descriptor is old.
+void FrontEnd::describeTracks(const Picture& left, Stamp stamp) {
+  std::vector<Track*> tracks;
   std::vector<cv::Point2f> points;
+  for (Track& track : tracks_) {
+    if (!track.matched) continue;
+    if (track.descriptor && secondsBetween(track.described, stamp) < kDescribed) continue;
+    tracks.push_back(&track);
+    points.push_back(track.left);
+  }
+  const auto descriptors = describePoints(left.image, points);
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    tracks[i]->descriptor = descriptors[i];
+    tracks[i]->described = stamp;
+  }
+}
+
+/// `seconds`: since the pair before, over which a filter spreads what a new anchor did to a track.
+StereoFrame FrontEnd::features(Stamp stamp, double seconds) const {
   StereoFrame frame{stamp, {}};
   for (const Track& track : tracks_) {
     if (!track.matched) continue;
@@ -294,11 +314,9 @@ StereoFrame FrontEnd::features(const Picture& left, Stamp stamp, double seconds)
         {track.id,
          {track.left_rectified.x, track.left_rectified.y, track.right_rectified.x, track.right_rectified.y},
          static_cast<double>(sigma),
-         static_cast<double>(static_cast<float>(walk))});
-    points.push_back(track.left);
+         static_cast<double>(static_cast<float>(walk)),
+         track.descriptor});
   }
-  const auto descriptors = describePoints(left.image, points);
-  for (std::size_t i = 0; i < descriptors.size(); ++i) frame.features[i].descriptor = descriptors[i];
   return frame;
 }
 

@@ -179,20 +179,24 @@ TEST(FrontEnd, describes_a_point_alike_from_image_to_image_and_unlike_its_neighb
   const SlantedPlane wall(testCalibration());
   FrontEnd front_end(testCalibration(), {kCount});
   const auto first = front_end.process(wall.look(poseAt(0), stampAt(0))).features;
-  const auto later = front_end.process(wall.look(poseAt(3), stampAt(1))).features;
+  std::vector<StereoFeatureObservation> later;
+  for (int k = 1; k <= 5; ++k) later = front_end.process(wall.look(poseAt(k), stampAt(k))).features;
   const auto distance = [](const Descriptor& a, const Descriptor& b) {
     int bits = 0;
     for (std::size_t i = 0; i < a.size(); ++i) bits += __builtin_popcount(static_cast<unsigned>(a[i] ^ b[i]));
     return bits;
   };
   double same = 0.0, other = 0.0, pairs = 0.0, others = 0.0;
+  std::size_t described_anew = 0;
   for (const auto& a : first) {
     for (const auto& b : later) {
       (a.id == b.id ? same : other) += distance(*a.descriptor, *b.descriptor);
       (a.id == b.id ? pairs : others) += 1.0;
+      described_anew += a.id == b.id && *a.descriptor != *b.descriptor ? 1 : 0;
     }
   }
   ASSERT_GT(pairs, 30.0);
+  EXPECT_GT(described_anew, 30u); // after a quarter of a second
   EXPECT_LT(same / pairs, 40.0);
   EXPECT_GT(other / others, 100.0);
 }

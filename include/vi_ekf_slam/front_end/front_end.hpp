@@ -82,7 +82,8 @@ class FrontEnd {
   void rectify(std::vector<Track>& tracks) const;
   void beginTracks(const Picture& left, Stamp stamp);
   void matchTracks(const Picture& left, const Picture& right);
-  StereoFrame features(const Picture& left, Stamp stamp, double seconds) const;
+  void describeTracks(const Picture& left, Stamp stamp);
+  StereoFrame features(Stamp stamp, double seconds) const;
   void summarise(Stamp stamp);
 
   StereoCalibration calibration_;

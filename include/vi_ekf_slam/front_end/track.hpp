@@ -28,6 +28,8 @@ struct Track {
   AnchorPatch::Warp warp;            ///< of the anchor to the last left image
   double strayed =
       0.0; ///< px, STANDARD DEVIATION of how far new anchors have led it away since it last went out
+  std::optional<Descriptor> descriptor; ///< of the left image of the pair that `described` says
+  Stamp described = 0;
   double square_sum = 0.0, weight = 0.0; ///< px^2 of the image that came and count, of its row residuals
 };
 
