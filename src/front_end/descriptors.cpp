@@ -67,7 +67,7 @@ std::vector<Descriptor> describePoints(const cv::Mat& image, const std::vector<c
     const cv::Point centre(static_cast<int>(i) * kAround + kReach, kReach);
     keypoints.emplace_back(centre, kPatch, directionAt(patches, centre), 1.0f, 0);
   }
-  // No point is too near to the border.
+  // No point is too near to the border of its patch.
   const auto orb = cv::ORB::create(1, 1.2f, 1, 0, 0, 2, cv::ORB::HARRIS_SCORE, kPatch);
   cv::Mat rows;
   orb->compute(patches, keypoints, rows);

@@ -12,8 +12,8 @@ struct Flow {
 };
 
 /// Optical flow (pyramidal Lucas-Kanade) of `points` from one picture to another, beginning at `guesses`, and
-/// the way back. Found is what comes back to within `max_round_trip` px, and lies half a
-/// window within the picture.
+/// the way back. Found is what comes back to within `max_round_trip` px, and lies half a window
+/// within the picture.
 Flow followPoints(const Picture& from, const Picture& to, const std::vector<cv::Point2f>& points,
                   const std::vector<cv::Point2f>& guesses, int levels, float max_round_trip);
 

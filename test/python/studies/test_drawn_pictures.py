@@ -14,7 +14,7 @@ from vi_ekf_slam.simulation.pictures.lens import Pinhole
 
 SEEDS = [int(seed) for seed in os.environ.get("VI_EKF_SLAM_PICTURE_SEEDS", "1").split(",")]
 MOST_RATIO = 1.5  # what is demanded, of many streets; 1.38 and 1.45 in the mean of eight
-# A single street scatters, on those eight from 1.2 to 1.6, with 100 landmarks in view from 1.0 to 2.0: the ATE of one moves
+# A single street scatters, on those eight from 1.0 to 1.9: the ATE of one moves
 # by a third with rounding.
 MOST_OF_ONE = 2.5
 MANY = 5
