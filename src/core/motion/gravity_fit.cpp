@@ -57,12 +57,13 @@ Equations equationsOf(const std::vector<SeenPose>& poses, const std::vector<ImuS
       now = to;
       if (more && next->stamp <= now) imu.reach(*next++);
     }
-    const double t = secondsBetween(poses.front().stamp, now), weight = 1.0 / poses[k + 1].position_sigma;
+    const double t = secondsBetween(poses.front().stamp, now);
+    const Eigen::Matrix3d weight = poses[k + 1].position_sigma.cwiseInverse().asDiagonal();
     const Eigen::Index row = 3 * static_cast<Eigen::Index>(k);
-    e.A.block<3, 3>(row, 0) = weight * t * Eigen::Matrix3d::Identity();
-    e.A.block<3, 3>(row, 3) = weight * 0.5 * t * t * Eigen::Matrix3d::Identity();
+    e.A.block<3, 3>(row, 0) = weight * t;
+    e.A.block<3, 3>(row, 3) = weight * 0.5 * t * t;
     e.A.block<3, 3>(row, 6) = weight * sum.position_by_bias;
-    e.A.block<3, 3>(row, 9) = weight * Eigen::Matrix3d::Identity();
+    e.A.block<3, 3>(row, 9) = weight;
     e.b.segment<3>(row) = weight * (poses[k + 1].frame_T_imu.translation() -
                                     poses.front().frame_T_imu.translation() - sum.position);
   }
@@ -78,7 +79,7 @@ std::optional<GravityFit> fitGravity(const std::vector<SeenPose>& poses,
   const Equations e = equationsOf(poses, samples, gyro_bias);
   Eigen::Matrix<double, 6, 1> prior;
   prior << Eigen::Vector3d::Constant(std::pow(bias_sigma, -2)),
-      Eigen::Vector3d::Constant(std::pow(poses.front().position_sigma, -2));
+      poses.front().position_sigma.array().square().inverse();
   Eigen::MatrixXd N = e.A.transpose() * e.A;
   N.diagonal().tail<6>() += prior;
   const Eigen::LLT<Eigen::MatrixXd> llt(N);

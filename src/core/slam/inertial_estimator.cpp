@@ -35,7 +35,7 @@ constexpr std::size_t kKeptOneIn = 4;
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
-  return {stamp, state.world_T_imu, std::sqrt(state.pose_covariance.topLeftCorner<3, 3>().trace() / 3.0)};
+  return {stamp, state.world_T_imu, state.pose_covariance.diagonal().head<3>().cwiseSqrt()};
 }
 
 /// By the clock of the pictures that is known now.
@@ -220,17 +220,16 @@ std::string InertialEstimator::startFrom(const std::vector<SeenPose>& poses) {
   std::vector<SeenPose> weighed = poses;
   const StateEstimate now = odometry_->state();
   const double density = imu_.over(now.stamp, now.stamp).acceleration_density.trace() / 3.0;
-  // From the first frame to the second one stereo alone tells the motion: what all later ones have in common
-  // is the first one's error. Theirs grows from there.
-  const double first = std::pow(poses[1].position_sigma, 2);
+  // What the motion from the first frame to the second one lacks is the noise of both, half of it each one's
+  // own. That of the first is common to all later poses, whose drift grows from the second on.
+  const Eigen::Array3d second = poses[1].position_sigma.array().square();
+  const Eigen::Array3d own = 0.5 * (second - poses[0].position_sigma.array().square()).max(0.0);
   for (SeenPose& pose : weighed) {
     const double t = secondsBetween(poses.front().stamp, pose.stamp);
     const double shaken = density * t * t * t / 3.0; // of the twice integrated accelerations
-    const double drift = std::max(0.0, std::pow(pose.position_sigma, 2) - first);
-    pose.position_sigma = std::sqrt(kLeastSigma * kLeastSigma + drift + shaken);
+    const Eigen::Array3d drift = (pose.position_sigma.array().square() - second).max(0.0);
+    pose.position_sigma = (kLeastSigma * kLeastSigma + own + drift + shaken).sqrt();
   }
-  weighed[0].position_sigma =
-      std::sqrt(kLeastSigma * kLeastSigma + std::max(0.0, first - std::pow(poses[0].position_sigma, 2)));
   const Eigen::Vector3d gyro_bias = odometry_->gyroBias();
   const double length = config_.inertial.gravity;
   const auto fit = fitGravity(weighed, samples, gyro_bias, config_.inertial.accelerometer_bias_sigma, length);

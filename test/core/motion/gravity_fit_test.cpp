@@ -37,7 +37,7 @@ struct Seen {
       sample.angular_velocity = w + gyro_bias;
       sample.acceleration = a;
       samples.push_back(sample);
-      if (i % every == 0) poses.push_back({sample.stamp, SE3(R, p), 1e-3});
+      if (i % every == 0) poses.push_back({sample.stamp, SE3(R, p), Eigen::Vector3d::Constant(1e-3)});
       p += dt * v + dt * dt * (R * so3::secondIntegral(dt * w) * a + 0.5 * gravity);
       v += dt * (R * so3::leftJacobian(dt * w) * a + gravity);
       R *= so3::Exp(dt * w);
@@ -92,9 +92,10 @@ TEST(GravityFit, ErrorsAreThoseOfItsCovariance) {
       const Eigen::Vector3d bias = random.gaussian<3>(kBiasSigma);
       for (ImuSample& sample : seen.samples) *sample.acceleration += bias;
       for (SeenPose& pose : seen.poses) {
-        pose.position_sigma = pose.stamp == seen.poses.front().stamp ? 2e-2 : 2e-3;
-        pose.frame_T_imu = SE3(pose.frame_T_imu.rotation(),
-                               pose.frame_T_imu.translation() + random.gaussian<3>(pose.position_sigma));
+        pose.position_sigma << 1e-3, 2e-3, 4e-3;
+        if (pose.stamp == seen.poses.front().stamp) pose.position_sigma *= 10.0;
+        const Eigen::Vector3d error = pose.position_sigma.cwiseProduct(random.gaussian<3>(1.0));
+        pose.frame_T_imu = SE3(pose.frame_T_imu.rotation(), pose.frame_T_imu.translation() + error);
       }
       const auto fit = seen.fit();
       ASSERT_TRUE(fit);

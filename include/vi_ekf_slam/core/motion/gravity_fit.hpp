@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 struct SeenPose {
   Stamp stamp = 0;
   SE3 frame_T_imu;
-  double position_sigma = 0.0; ///< m, per axis, above 0
+  Eigen::Vector3d position_sigma = Eigen::Vector3d::Zero(); ///< m, along the frame's axes, above 0
 };
 
 /// What the accelerometer says once the pictures say how the IMU moved, along the axes of their frame.
