@@ -58,7 +58,7 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
     std::cout << kNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
               << c.invalid[i] << " invalid\n";
   }
-  if (c.resets > 0) std::cout << c.resets << " resets (time jumped back)\n";
+  if (c.resets > 0) std::cout << c.resets << " resets, as told above\n";
   const auto earlier = writer.earlierSizes();
   for (std::size_t i = 0; i < earlier.size(); ++i) {
     std::cout << earlier[i] << " poses from before are in " << options.output << "/"

@@ -228,13 +228,17 @@ void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();
   buffer_.clear();
+  first_stamp_.reset();
+  beginAnew(reason);
+}
+
+void SlamSystem::beginAnew(const std::string& reason) {
   const PathEstimate path = handlers_.reset ? estimator_->path() : PathEstimate();
   estimator_ = makeEstimator();
   told_starts_.clear();
   imu_check_.restart();
   dead_reckoning_ = DeadReckoning();
   lever_arm_.restart();
-  first_stamp_.reset();
   blindness_.restart();
   ++counts_.resets;
   if (handlers_.reset) handlers_.reset(reason, path);
@@ -295,6 +299,7 @@ void SlamSystem::process(const Measurement& measurement) {
     const FrameReport report = estimator_->process(frame);
     const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
     count(report);
+    if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
     reportStart();
     if (!estimator_->hasStarted()) {
       ++counts_.frames_before_start;

@@ -1,6 +1,7 @@
 // How an inertial estimate starts by itself, at rest and in motion, where it refuses to, and where it stands.
 
 #include "flight.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
@@ -125,6 +126,116 @@ TEST(InertialStart, RefusesAnImuWhoseAxesAreOthersAndSaysSo) {
                                                return Eigen::Vector3d(a.x(), a.z(), -a.y());
                                              }));
     EXPECT_NE(problem.find("are the IMU's axes those of the transform"), std::string::npos) << problem;
+  }
+}
+
+Eigen::Vector3d asItIs(const Eigen::Vector3d& a) { return a; }
+/// Turned by 90 and 180 deg about the vertical, by which gravity tells nothing.
+Eigen::Vector3d quarterTurned(const Eigen::Vector3d& a) { return {a.y(), -a.x(), a.z()}; }
+Eigen::Vector3d halfTurned(const Eigen::Vector3d& a) { return {-a.x(), -a.y(), a.z()}; }
+
+/// What contradicts the estimate in 12 s after it has started; nothing also where it does not start.
+template <typename Change>
+std::string contradictionOf(Flight& flight, InertialEstimator& estimator, const Change& change) {
+  startOf(flight, estimator, change);
+  const double end = flight.seconds() + 12.0;
+  while (estimator.hasStarted() && estimator.contradiction().empty() && flight.seconds() < end)
+    flight.feed(estimator, change);
+  return estimator.contradiction();
+}
+
+// Little motion is explained by wrong axes too; what comes of it is not.
+TEST(InertialStart, ThatPassedForRightIsFoundOutAndSaysWhy) {
+  const FlightOptions options = startFlight(false);
+  int started = 0;
+  for (const auto turned : {quarterTurned, halfTurned}) {
+    for (unsigned seed = 0; seed < 20; ++seed) {
+      Flight flight(seed, options);
+      InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+      const std::string contradiction = contradictionOf(flight, estimator, ofAccelerations(turned));
+      if (!estimator.hasStarted()) continue;
+      ++started;
+      EXPECT_NE(contradiction.find("are the IMU's axes those of the transform"), std::string::npos)
+          << "seed " << seed << ": " << contradiction;
+    }
+  }
+  EXPECT_GT(started, 0);
+  EXPECT_LT(started, 40) << "none is refused";
+}
+
+// As a body does that started at rest, where any axes are right.
+TEST(InertialStart, WrongAxesAreFoundOutFromAGivenStateToo) {
+  const FlightOptions options = startFlight(false);
+  Eigen::Matrix<double, 15, 1> sigma;
+  sigma << 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05;
+  for (const auto change : {asItIs, quarterTurned}) {
+    Flight flight(6, options);
+    flight.sample();
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+    ASSERT_TRUE(estimator.begin(flight.initialState(sigma, Eigen::Matrix<double, 15, 1>::Zero())));
+    const std::string contradiction = contradictionOf(flight, estimator, ofAccelerations(change));
+    EXPECT_EQ(contradiction.find("are the IMU's axes those of the transform") != std::string::npos,
+              change == quarterTurned)
+        << contradiction;
+  }
+}
+
+TEST(InertialStart, TheSystemBeginsAnewWhereTheAxesAreFoundOut) {
+  const FlightOptions options = startFlight(false);
+  std::uint64_t resets = 0;
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    Config config;
+    config.estimator = EstimatorType::kInvariant;
+    config.invariant = inertialConfig(options, options.pixel);
+    SlamSystem system(config);
+    std::vector<std::string> told;
+    system.onReset([&](const std::string& reason, const PathEstimate&) {
+      told.push_back(reason);
+      EXPECT_NE(reason.find("are the IMU's axes those of the transform"), std::string::npos) << reason;
+      EXPECT_FALSE(system.estimator().hasStarted());
+    });
+    system.setRig(exampleRig());
+    Flight flight(seed, options);
+    while (flight.seconds() < 12.0) {
+      for (int i = 0; i < 20; ++i) {
+        ImuSample sample = flight.sample();
+        *sample.acceleration = quarterTurned(*sample.acceleration);
+        system.add(sample);
+      }
+      system.add(flight.frame());
+    }
+    system.flush();
+    EXPECT_EQ(system.counts().resets, told.size());
+    EXPECT_GT(system.counts().frames_before_start, 20U);
+    resets += system.counts().resets;
+  }
+  EXPECT_GT(resets, 0U);
+}
+
+// What diverges of bad pictures has nothing to do with the IMU.
+TEST(InertialStart, IsNotBlamedForPicturesThatAreWrong) {
+  const FlightOptions options = startFlight(false);
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    Flight flight(seed, options);
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+    startOf(flight, estimator);
+    ASSERT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+    int divergences = 0;
+    while (flight.seconds() < 20.0) {
+      // A picture of elsewhere, again and again.
+      const bool is_wrong = flight.seconds() > 4.0 && flight.seconds() < 8.0;
+      const FrameReport report = flight.feed(estimator, [&](auto& measurement) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(measurement)>, StereoFrame>) {
+          for (StereoFeatureObservation& f : measurement.features) {
+            if (is_wrong)
+              f.pixels += StereoPixels(40.0, 15.0, 40.0, 15.0) * flight.random().gaussian<1>(1.0)[0];
+          }
+        }
+      });
+      if (report.divergence != Divergence::kNone) ++divergences;
+      ASSERT_EQ(estimator.contradiction(), "") << "seed " << seed << " at " << flight.seconds();
+    }
+    EXPECT_GT(divergences, 0);
   }
 }
 

@@ -26,10 +26,11 @@ def devel_space():
 
 
 def rosrun(*arguments):
-    """What it prints; nobody answers should it ask which of several is meant."""
+    """What it prints; nobody answers should it ask which of several is meant. It looks through build/ too, where logs of other
+    tests come and go, and complains of those that went."""
     done = subprocess.run(["rosrun"] + list(arguments), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
-    assert done.returncode == 0 and "[rosrun]" not in done.stdout, done.stdout
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
+    assert done.returncode == 0 and "[rosrun]" not in done.stdout + done.stderr, done.stdout + done.stderr
     return done.stdout
 
 

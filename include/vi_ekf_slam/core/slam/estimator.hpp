@@ -93,6 +93,9 @@ class Estimator {
   virtual bool hasStarted() const { return true; }
   /// Why there is none yet, in words; empty: there is one.
   virtual std::string startProblem() const { return {}; }
+  /// Why no measurement makes it right any more, in words, so that it is to be begun anew; empty: none is
+  /// known.
+  virtual std::string contradiction() const { return {}; }
 
   /// The IMU's sample that follows what is processed next, where it is known already.
   virtual void expect(const ImuSample& /*next*/) {}

@@ -1,20 +1,18 @@
 #pragma once
 
-#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include "vi_ekf_slam/core/motion/gravity_fit.hpp"
-#include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
+#include "vi_ekf_slam/core/slam/inertial_alignment.hpp"
 
 namespace vi_ekf_slam {
 
 /// The right-invariant EKF of a body with an IMU, and how it starts: from a given state, from a saved one, or
-/// by itself, at rest and in motion alike. Visual odometry over the first moments says how the IMU moved, a
-/// linear fit what gravity, velocity and the gyro's bias were; there the filter begins, wide open, with the
-/// measurements of these moments. So each of them is used once, and the fit is where it is linearised.
+/// by itself, at rest and in motion alike: where the pictures and the IMU of the first moments are aligned
+/// the filter begins, wide open, with the measurements of these moments. So each of them is used once, and
+/// the alignment is where it is linearised.
 class InertialEstimator : public Estimator {
  public:
   explicit InertialEstimator(const InvariantConfig& config);
@@ -25,6 +23,7 @@ class InertialEstimator : public Estimator {
   std::optional<SE3> startPose() const override { return std::nullopt; }
   bool hasStarted() const override { return filter_ != nullptr; }
   std::string startProblem() const override { return filter_ ? std::string() : problem_; }
+  std::string contradiction() const override { return contradiction_; }
   void expect(const ImuSample& next) override;
   void process(const ImuSample& sample) override;
   void process(const VelocitySample& sample) override;
@@ -51,30 +50,26 @@ class InertialEstimator : public Estimator {
 
  private:
   std::unique_ptr<InvariantEstimator> makeFilter() const;
-  void beginOdometry();
+  std::unique_ptr<InertialAlignment> makeAlignment() const;
   void tryToGoOn(Stamp now);
   void tryGiven(Stamp now);
-  void orderWindow();
-  void tryToStart();
-  std::string startFrom(const std::vector<SeenPose>& poses);
+  std::string tryToStart();
+  void doubt(const StereoFrame& frame, Divergence divergence);
   bool replay(InvariantEstimator& filter) const;
   bool learnClock(const InvariantEstimator& filter);
-  void forgetOld(Stamp now);
 
   InvariantConfig config_;
   std::optional<StereoRig> rig_;
   std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> map_; ///< to find the place in
   std::unique_ptr<InvariantEstimator> filter_;
+  std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is doubted
+  int divergences_ = 0;                          ///< since it is
   // Until there is a filter.
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
   std::optional<InitialState> given_;
-  std::optional<InvariantEstimator> odometry_; ///< of the pictures and the gyro
-  std::deque<Measurement> window_;
-  ImuTrack imu_; ///< all of the IMU's samples so far
-  std::deque<SeenPose> poses_;
-  std::string problem_;
+  std::string problem_, contradiction_;
 };
 
 } // namespace vi_ekf_slam

@@ -164,6 +164,7 @@ class SlamSystem {
   void reportStart();
   void updateDeadReckoning(const Measurement& measurement, const StateEstimate& state);
   void process(const Measurement& measurement);
+  void beginAnew(const std::string& reason);
   void count(const FrameReport& report);
 
   Config config_;
