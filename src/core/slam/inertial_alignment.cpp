@@ -22,7 +22,6 @@ constexpr double kLargestMisfit = 3.0, kDoubtfulMisfit = 1.3;
 constexpr double kSigmas = 4.0;
 // m/s^2: gravity's own range on Earth is 0.05, an accelerometer's scale 1 %
 constexpr double kGravityTolerance = 0.2;
-constexpr double kInG = 0.25;             // of gravity: accelerations in its units have a tenth
 constexpr std::size_t kUsedFeatures = 8;  // of a frame whose pose counts
 constexpr double kLongestBlindness = 0.5; // s; what is seen after it is not known to be near what was before
 constexpr double kLeastSigma = 1e-3;      // m, of a pose: what front ends do wrong together
@@ -33,7 +32,7 @@ constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 // Of the first step, what is wrong with it by being of any length, with points seen once: not linear. A car's
 // is 4 % too long.
 constexpr double kFirstStep = 0.05;
-constexpr char kAxes[] = " (are the IMU's axes those of the transform to the camera?)";
+constexpr char kAxes[] = "are the IMU's axes those of the transform to the camera?)";
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
@@ -214,11 +213,12 @@ std::string InertialAlignment::contradictionOf(const GravityFit& fit) const {
   const double tolerance = kSigmas * fit.free_length_sigma + kGravityTolerance;
   if (std::abs(fit.free_length - length) > tolerance)
     return "gravity is not explained: the accelerometer and the pictures have " + rounded(fit.free_length) +
-           " m/s^2, it must be " + rounded(length) + " within " + rounded(tolerance) +
-           (fit.free_length < kInG * length ? " (are the accelerations in g? they must be in m/s^2)" : kAxes);
+           " m/s^2, it must be " + rounded(length) + " within " + rounded(tolerance) + " (" +
+           (fit.free_length < 0.5 * length ? "are the accelerations in g? they must be in m/s^2; " : "") +
+           kAxes;
   if (fit.misfit > kLargestMisfit)
     return "the accelerometer contradicts the pictures: " + rounded(fit.misfit) +
-           " standard deviations, at most " + rounded(kLargestMisfit) + kAxes;
+           " standard deviations, at most " + rounded(kLargestMisfit) + " (" + kAxes;
   return {};
 }
 

@@ -16,8 +16,10 @@ constexpr double kLinearClock = 0.002;
 constexpr double kLearnt = 1.0 / 3.0; // of a prior's sigma: what is left of one that hardly counts any more
 // What a hand carries through a room sees the same view every few seconds.
 constexpr std::size_t kKeptOneIn = 4;
-// Within the two seconds of an alignment: once the estimate diverges of much that has nothing to do with the
-// IMU (a lorry, a covered camera).
+constexpr double kDoubted =
+    10.0; // s since it has diverged, for which an estimate is compared with the pictures
+// In that time: once the estimate diverges of much that has nothing to do with the IMU (a lorry, a covered
+// camera).
 constexpr int kDivergences = 2;
 
 } // namespace
@@ -126,10 +128,11 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
   return report;
 }
 
-/// What diverges is aligned anew, beside the filter, until the pictures and the IMU agree or cannot: at rest
-/// an IMU may have any axes, and in motion wrong ones pass for right for a second.
+/// What diverges is aligned anew, beside the filter, for some time: at rest an IMU may have any axes, and
+/// while it moves little wrong ones pass for right.
 void InertialEstimator::doubt(const StereoFrame& frame, Divergence divergence) {
   if (divergence != Divergence::kNone) {
+    doubted_since_ = frame.stamp;
     ++divergences_;
     if (!alignment_) {
       alignment_ = makeAlignment();
@@ -137,15 +140,15 @@ void InertialEstimator::doubt(const StereoFrame& frame, Divergence divergence) {
     }
   }
   if (!alignment_) return;
-  alignment_->process(frame);
-  if (!alignment_->isFull()) return;
-  const InertialAlignment::Result result = alignment_->align();
-  if (result.contradicts) {
-    if (divergences_ >= kDivergences) contradiction_ = result.problem;
+  if (secondsBetween(doubted_since_, frame.stamp) > kDoubted) {
+    alignment_.reset();
+    divergences_ = 0;
     return;
   }
-  alignment_.reset();
-  divergences_ = 0;
+  alignment_->process(frame);
+  if (divergences_ < kDivergences || !alignment_->isFull()) return;
+  if (const InertialAlignment::Result result = alignment_->align(); result.contradicts)
+    contradiction_ = result.problem;
 }
 
 /// Empty: it has started. Else why not.

@@ -65,6 +65,7 @@ class InertialEstimator : public Estimator {
   std::unique_ptr<InvariantEstimator> filter_;
   std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is doubted
   int divergences_ = 0;                          ///< since it is
+  Stamp doubted_since_ = 0;                      ///< the last of them
   // Until there is a filter.
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
