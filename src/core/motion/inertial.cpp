@@ -205,6 +205,10 @@ Vector6d Inertial::bias(const Filter& filter) const {
 
 Eigen::Vector3d Inertial::gyroBias(const Filter& filter) const { return filter.variables().mean(gyro_bias_); }
 
+Eigen::Vector3d Inertial::accelerometerBias(const Filter& filter) const {
+  return filter.variables().mean(accelerometer_bias_);
+}
+
 Eigen::Matrix3d Inertial::gyroBiasCovariance(const Filter& filter) const {
   return filter.covariance(gyro_bias_);
 }

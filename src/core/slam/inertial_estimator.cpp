@@ -21,6 +21,8 @@ constexpr double kDoubted =
 // In that time: once the estimate diverges of much that has nothing to do with the IMU (a lorry, a covered
 // camera).
 constexpr int kDivergences = 2;
+constexpr double kAbsurdBias =
+    10.0; // times what is expected of the accelerometer: no bias, but what explains it
 
 } // namespace
 
@@ -128,12 +130,14 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
   return report;
 }
 
-/// What diverges is aligned anew, beside the filter, for some time: at rest an IMU may have any axes, and
-/// while it moves little wrong ones pass for right.
+/// What diverges, or has a bias that is none, is aligned anew, beside the filter, for some time: at rest an
+/// IMU may have any axes, and while it moves little wrong ones pass for right.
 void InertialEstimator::doubt(const StereoFrame& frame, Divergence divergence) {
-  if (divergence != Divergence::kNone) {
+  const double bias = filter_->accelerometerBias().norm();
+  const bool is_absurd = bias > kAbsurdBias * config_.inertial.accelerometer_bias_sigma;
+  if (divergence != Divergence::kNone) ++divergences_;
+  if (divergence != Divergence::kNone || is_absurd) {
     doubted_since_ = frame.stamp;
-    ++divergences_;
     if (!alignment_) {
       alignment_ = makeAlignment();
       alignment_->setTimeOffset(filter_->timeOffset());
@@ -146,7 +150,7 @@ void InertialEstimator::doubt(const StereoFrame& frame, Divergence divergence) {
     return;
   }
   alignment_->process(frame);
-  if (divergences_ < kDivergences || !alignment_->isFull()) return;
+  if ((divergences_ < kDivergences && !is_absurd) || !alignment_->isFull()) return;
   if (const InertialAlignment::Result result = alignment_->align(); result.contradicts)
     contradiction_ = result.problem;
 }

@@ -57,6 +57,7 @@ class Inertial : public MotionModel {
   Vector6d bias(const Filter& filter) const override;
   Eigen::Vector3d gyroBias(const Filter& filter) const override;
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
+  Eigen::Vector3d accelerometerBias(const Filter& filter) const override;
   double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;
 
   Handle velocityVariable() const { return velocity_; }

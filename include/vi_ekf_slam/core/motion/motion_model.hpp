@@ -65,6 +65,10 @@ class MotionModel {
   /// What the gyro reads at rest (rad/s) and its covariance.
   virtual Eigen::Vector3d gyroBias(const Filter& filter) const = 0;
   virtual Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const = 0;
+  /// m/s^2; 0 where there is no accelerometer.
+  virtual Eigen::Vector3d accelerometerBias(const Filter& /*filter*/) const {
+    return Eigen::Vector3d::Zero();
+  }
   /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the
   /// twist.
   virtual double twistChange(const Filter& filter, const Eigen::VectorXd& error) const = 0;

@@ -34,7 +34,8 @@ class InvariantEstimator : public Estimator {
   void process(const ImuSample& sample) override;
   void process(const VelocitySample& sample) override;
   FrameReport process(const StereoFrame& frame) override;
-  Eigen::Vector3d gyroBias() const { return motion_->gyroBias(filter_); } ///< rad/s
+  Eigen::Vector3d gyroBias() const { return motion_->gyroBias(filter_); }                   ///< rad/s
+  Eigen::Vector3d accelerometerBias() const { return motion_->accelerometerBias(filter_); } ///< m/s^2
   void setGates(const Gates& gates) override { config_.setGates(gates); }
   bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) override;
   bool canBridge(double gap_s) const override;
