@@ -18,7 +18,7 @@ constexpr double kKnownTilt = 0.05; // rad, standard deviation with which the fi
 // Of the positions, RMS in standard deviations. An IMU whose axes are others passes for right most easily
 // while little has been seen, so that the two must agree then as noise alone has them (99.9 % of fits to 11
 // poses), and over two seconds as they do with a calibration that is not perfect.
-constexpr double kLargestMisfit = 3.0, kDoubtfulMisfit = 1.3;
+constexpr double kLargestMisfit = 3.0, kLargestEarlyMisfit = 1.3;
 constexpr double kSigmas = 4.0;
 // m/s^2: gravity's own range on Earth is 0.05, an accelerometer's scale 1 %
 constexpr double kGravityTolerance = 0.2;
@@ -54,8 +54,6 @@ void moveTo(double time_offset, StereoFrame& frame) {
   frame.stamp += fromSeconds(time_offset) - fromSeconds(frame.time_offset);
   frame.time_offset = time_offset;
 }
-
-bool isImu(const Measurement& measurement) { return std::holds_alternative<ImuSample>(measurement); }
 
 } // namespace
 
@@ -178,10 +176,10 @@ InertialAlignment::Result InertialAlignment::align() {
         {},
         "gravity is known to " + rounded(fit->tilt_sigma) + " rad, " + rounded(kKnownTilt) + " are needed"};
   // A clock that may be off shows in the misfit, and is found by the filter.
-  if (!isFull() && fit->misfit > kDoubtfulMisfit && !(config_.rig.time_offset_sigma > 0.0))
+  if (!isFull() && fit->misfit > kLargestEarlyMisfit && !(config_.rig.time_offset_sigma > 0.0))
     return {{},
             "waits for " + rounded(kLongest) + " s of frames: the accelerometer and the pictures differ by " +
-                rounded(fit->misfit) + " standard deviations, " + rounded(kDoubtfulMisfit) +
+                rounded(fit->misfit) + " standard deviations, " + rounded(kLargestEarlyMisfit) +
                 " would do already"};
   return {stateOf(*fit), {}};
 }

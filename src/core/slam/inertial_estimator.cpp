@@ -16,13 +16,13 @@ constexpr double kLinearClock = 0.002;
 constexpr double kLearnt = 1.0 / 3.0; // of a prior's sigma: what is left of one that hardly counts any more
 // What a hand carries through a room sees the same view every few seconds.
 constexpr std::size_t kKeptOneIn = 4;
-constexpr double kDoubted =
-    10.0; // s since it has diverged, for which an estimate is compared with the pictures
+// s since it has diverged, for which an estimate is verified.
+constexpr double kVerification = 10.0;
 // In that time: once the estimate diverges of much that has nothing to do with the IMU (a lorry, a covered
 // camera).
 constexpr int kDivergences = 2;
-constexpr double kAbsurdBias =
-    10.0; // times what is expected of the accelerometer: no bias, but what explains it
+// Times what is expected of the accelerometer's bias: this is none, but what explains something else.
+constexpr double kLargestBias = 10.0;
 
 } // namespace
 
@@ -120,7 +120,7 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
   tryToGoOn(frame.stamp);
   if (filter_) {
     const FrameReport report = filter_->process(frame);
-    doubt(frame, report.divergence);
+    verify(frame, report.divergence);
     return report;
   }
   if (given_) return FrameReport(frame);
@@ -132,25 +132,26 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
 
 /// What diverges, or has a bias that is none, is aligned anew, beside the filter, for some time: at rest an
 /// IMU may have any axes, and while it moves little wrong ones pass for right.
-void InertialEstimator::doubt(const StereoFrame& frame, Divergence divergence) {
-  const double bias = filter_->accelerometerBias().norm();
-  const bool is_absurd = bias > kAbsurdBias * config_.inertial.accelerometer_bias_sigma;
-  if (divergence != Divergence::kNone) ++divergences_;
-  if (divergence != Divergence::kNone || is_absurd) {
-    doubted_since_ = frame.stamp;
+void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) {
+  const bool has_diverged = divergence != Divergence::kNone;
+  const bool is_biased =
+      filter_->accelerometerBias().norm() > kLargestBias * config_.inertial.accelerometer_bias_sigma;
+  if (has_diverged) ++divergences_;
+  if (has_diverged || is_biased) {
+    suspect_at_ = frame.stamp;
     if (!alignment_) {
       alignment_ = makeAlignment();
       alignment_->setTimeOffset(filter_->timeOffset());
     }
   }
   if (!alignment_) return;
-  if (secondsBetween(doubted_since_, frame.stamp) > kDoubted) {
+  if (secondsBetween(suspect_at_, frame.stamp) > kVerification) {
     alignment_.reset();
     divergences_ = 0;
     return;
   }
   alignment_->process(frame);
-  if ((divergences_ < kDivergences && !is_absurd) || !alignment_->isFull()) return;
+  if ((divergences_ < kDivergences && !is_biased) || !alignment_->isFull()) return;
   if (const InertialAlignment::Result result = alignment_->align(); result.contradicts)
     contradiction_ = result.problem;
 }
@@ -180,8 +181,7 @@ bool InertialEstimator::replay(InvariantEstimator& filter) const {
   std::size_t used = 0, rejected = 0;
   const std::deque<Measurement>& window = alignment_->measurements();
   for (auto m = window.begin(); m != window.end(); ++m) {
-    const auto is_imu = [](const Measurement& x) { return std::holds_alternative<ImuSample>(x); };
-    const auto next = std::find_if(m, window.end(), is_imu);
+    const auto next = std::find_if(m, window.end(), InertialAlignment::isImu);
     if (next != window.end()) filter.expect(std::get<ImuSample>(*next));
     if (const auto* frame = std::get_if<StereoFrame>(&*m)) {
       const FrameReport report = filter.process(*frame);

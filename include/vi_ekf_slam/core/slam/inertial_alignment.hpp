@@ -37,6 +37,7 @@ class InertialAlignment {
   bool isFull() const;
   /// By stamp, from the IMU's sample before the oldest pose on.
   const std::deque<Measurement>& measurements() const { return measurements_; }
+  static bool isImu(const Measurement& measurement) { return streamOf(measurement) == Stream::kImu; }
   const ImuTrack& imu() const { return imu_; }
   StateEstimate state() const { return odometry_->state(); }
 

@@ -54,7 +54,7 @@ class InertialEstimator : public Estimator {
   void tryToGoOn(Stamp now);
   void tryGiven(Stamp now);
   std::string tryToStart();
-  void doubt(const StereoFrame& frame, Divergence divergence);
+  void verify(const StereoFrame& frame, Divergence divergence);
   bool replay(InvariantEstimator& filter) const;
   bool learnClock(const InvariantEstimator& filter);
 
@@ -63,9 +63,9 @@ class InertialEstimator : public Estimator {
   std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> map_; ///< to find the place in
   std::unique_ptr<InvariantEstimator> filter_;
-  std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is doubted
+  std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is verified
   int divergences_ = 0;                          ///< since it is
-  Stamp doubted_since_ = 0;                      ///< the last of them
+  Stamp suspect_at_ = 0;                         ///< when it was last why
   // Until there is a filter.
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
