@@ -25,7 +25,7 @@ status=0
 configure() {
   [ ! -f "$1/Makefile" ] && [ ! -f "$1/build.ninja" ] || return 0
   cmake -S "$root" -B "$1" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" -DCMAKE_BUILD_TYPE=None \
-    -DCMAKE_CXX_FLAGS="$2" "${unity_build[@]}" "${@:3}"
+    -DCMAKE_CXX_FLAGS="$2" "${quick_build[@]}" "${@:3}"
 }
 
 # build_failed LOG WHAT
@@ -150,6 +150,9 @@ sanitize() {
 soak() {
   "$root/scripts/setup.sh"
   mkdir -p "$build/soak"
+  say "building core_endurance_test"
+  cmake --build "$build" --target core_endurance_test >"$build/soak/build.log" 2>&1 || build_failed "$build/soak/build.log" "its tests"
+  "$build/devel/lib/vi_ekf_slam/core_endurance_test" --gtest_also_run_disabled_tests
   exec "$build/devel/lib/vi_ekf_slam/soak" --frames "${1:-864000}" --output "$build/soak"
 }
 

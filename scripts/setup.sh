@@ -78,7 +78,7 @@ build_package() {
   if [ ! -f "$build/Makefile" ] && [ ! -f "$build/build.ninja" ]; then
     say "configuring $build"
     quietly cmake -S "$root" -B "$build" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" \
-      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX=ON "${unity_build[@]}" "${cmake_options[@]}"
+      -DCMAKE_BUILD_TYPE=Release -Dvi_ekf_slam_AVX=ON "${quick_build[@]}" "${cmake_options[@]}"
   fi
   say "building (nothing to do where all is up to date)"
   quietly cmake --build "$build" -j"${JOBS:-$(nproc)}"

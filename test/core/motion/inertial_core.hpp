@@ -8,28 +8,13 @@ namespace vi_ekf_slam::test {
 
 constexpr double kGravity = 9.81;
 
-inline Inertial::Options withoutImuNoise(Inertial::Options options = {}) {
-  options.noise = {0.0, 0.0, 0.0, 0.0};
-  options.noise_given = true;
-  return options;
-}
+Inertial::Options withoutImuNoise(Inertial::Options options = {});
 
-inline ImuSample imuSample(double t, const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration) {
-  ImuSample sample;
-  sample.stamp = fromSeconds(t);
-  sample.angular_velocity = rate;
-  sample.acceleration = acceleration;
-  return sample;
-}
+ImuSample imuSample(double t, const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration);
 
 /// An IMU that reads the same from time 0 s to `until`.
-inline ImuTrack steadyImu(const Inertial::Options& options, const Eigen::Vector3d& rate,
-                          const Eigen::Vector3d& acceleration, double until) {
-  ImuTrack imu(options.noise, options.noise_given);
-  imu.reach(imuSample(0.0, rate, acceleration));
-  imu.expect(imuSample(until, rate, acceleration));
-  return imu;
-}
+ImuTrack steadyImu(const Inertial::Options& options, const Eigen::Vector3d& rate,
+                   const Eigen::Vector3d& acceleration, double until);
 
 /// A filter of the fifteen errors (dp, theta, e_v, db_g, db_a), and points behind them; of 24 with `scale`,
 /// the accelerometer's.
@@ -58,24 +43,10 @@ struct InertialScene {
 };
 
 /// Anywhere, turned and moving in any way, with biases.
-inline InertialScene randomInertial(Random& random, const Inertial::Options& options = withoutImuNoise(),
-                                    bool scale = false) {
-  InertialScene scene(options, SE3(so3::Exp(random.vector<3>(-2.0, 2.0)), random.vector<3>(-20.0, 20.0)),
-                      scale);
-  scene.filter.setMean(scene.motion.velocityVariable(), random.vector<3>(-5.0, 5.0));
-  scene.filter.setMean(scene.motion.gyroBiasVariable(), random.vector<3>(-0.1, 0.1));
-  scene.filter.setMean(scene.motion.accelerometerBiasVariable(), random.vector<3>(-0.5, 0.5));
-  if (const auto M = scene.motion.accelerometerScaleVariable())
-    scene.filter.setMean(*M, random.vector<9>(-0.02, 0.02));
-  return scene;
-}
+InertialScene randomInertial(Random& random, const Inertial::Options& options = withoutImuNoise(),
+                             bool scale = false);
 
 /// Directions of the error that shift the world and turn it about the vertical through its origin.
-inline Eigen::MatrixXd levelGaugeOf(const Filter& filter) {
-  Eigen::MatrixXd N(filter.rows(), 4);
-  const Eigen::MatrixXd all = gaugeOf(filter);
-  N << all.leftCols(3), all.col(5);
-  return N;
-}
+Eigen::MatrixXd levelGaugeOf(const Filter& filter);
 
 } // namespace vi_ekf_slam::test

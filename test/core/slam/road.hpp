@@ -122,46 +122,20 @@ class Road {
 inline const Road::Noise kQuiet{}, kTypical{0.5, 0.05, 0.7};
 
 /// The default filter, told that tracks do not slip and what the samples of kTypical are worth.
-inline InvariantConfig steadyTracks() {
-  InvariantConfig config;
-  config.motion.velocity_sigma = kTypical.velocity;
-  config.motion.gyro_sigma = kTypical.gyro;
-  config.slip.sigma = config.slip.rotation_sigma = 0.0;
-  return config;
-}
+InvariantConfig steadyTracks();
 
-inline InvariantEstimator withRig(const InvariantConfig& config = steadyTracks()) {
-  InvariantEstimator estimator(config);
-  estimator.setRig(exampleRig());
-  return estimator;
-}
+InvariantEstimator withRig(const InvariantConfig& config = steadyTracks());
 
-inline double positionError(const Estimator& estimator, const SE3& truth) {
-  return (estimator.state().world_T_imu.translation() - truth.translation()).norm();
-}
+double positionError(const Estimator& estimator, const SE3& truth);
 
-inline double rotationError(const Estimator& estimator, const SE3& truth) {
-  return so3::Log(estimator.state().world_T_imu.rotation() * truth.rotation().transpose()).norm();
-}
+double rotationError(const Estimator& estimator, const SE3& truth);
 
-inline void expectSame(const StateEstimate& a, const StateEstimate& b, double tolerance) {
-  EXPECT_EQ(a.stamp, b.stamp);
-  EXPECT_LE(distance(a.world_T_imu.matrix(), b.world_T_imu.matrix()), tolerance);
-  EXPECT_LE(distance(a.twist, b.twist), tolerance);
-  EXPECT_LE(distance(a.pose_covariance, b.pose_covariance), tolerance);
-  EXPECT_LE(distance(a.twist_covariance, b.twist_covariance), tolerance);
-}
+void expectSame(const StateEstimate& a, const StateEstimate& b, double tolerance);
 
-inline bool isPositiveDefinite(const Matrix6d& P) {
-  return P.allFinite() && distance(P, P.transpose()) <= 1e-9 * P.cwiseAbs().maxCoeff() && isPositive(P);
-}
+bool isPositiveDefinite(const Matrix6d& P);
 
 /// An estimator that has driven `frames` of `road`.
-inline InvariantEstimator driven(Road& road, int frames, const InvariantConfig& config = steadyTracks()) {
-  InvariantEstimator estimator = withRig(config);
-  for (int i = 0; i < frames; ++i) road.feed(estimator);
-  return estimator;
-}
+InvariantEstimator driven(Road& road, int frames, const InvariantConfig& config = steadyTracks());
 
 /// An estimator brought to the road's next frame, and that frame.
 struct Ahead {
@@ -169,17 +143,9 @@ struct Ahead {
   StereoFrame frame;
 };
 
-inline Ahead ahead(Road& road, int frames, const InvariantConfig& config = steadyTracks()) {
-  Ahead result{driven(road, frames, config), {}};
-  road.feedSamples(result.estimator);
-  result.frame = road.frame();
-  return result;
-}
+Ahead ahead(Road& road, int frames, const InvariantConfig& config = steadyTracks());
 
 /// The state predicted to the stamp of `frame`.
-inline StateEstimate predicted(InvariantEstimator estimator, const StereoFrame& frame) {
-  estimator.process(StereoFrame{frame.stamp, {}});
-  return estimator.state();
-}
+StateEstimate predicted(InvariantEstimator estimator, const StereoFrame& frame);
 
 } // namespace vi_ekf_slam::test
