@@ -37,12 +37,10 @@ def draw(rectangles, cam_T_world, intrinsics, size):
     image = np.full((height, width), SKY, dtype=np.float32)
     nearest = np.zeros((height, width), dtype=np.float32)  # 1 / depth
     corners = np.array([rectangle.corners for rectangle in rectangles]).reshape(-1, 4, 3) @ cam_T_world[:3, :3].T + cam_T_world[:3, 3]
-    for k in _in_reach(corners, intrinsics, size):
-        rectangle = rectangles[k]
-        box = _box(corners[k], intrinsics, size)
-        if box is None:
+    for k, (left, top, right, bottom), closest in _in_reach(corners, intrinsics, size):
+        if closest <= nearest[top:bottom, left:right].min():  # behind what is drawn already
             continue
-        left, top, right, bottom = box
+        rectangle = rectangles[k]
         frame = cam_T_world[:3, :3] @ rectangle.frame
         frame[:, 2] += cam_T_world[:3, 3]
         plane = intrinsics @ frame
@@ -68,13 +66,21 @@ def draw(rectangles, cam_T_world, intrinsics, size):
 
 
 def _in_reach(corners, intrinsics, size):
-    """Which of the rectangles (N, 4, 3) in the camera's frame can be in the picture: not those wholly behind, or to one side."""
+    """Of the rectangles (N, 4, 3) in the camera's frame those that can be in the picture, in their order: index, pixel bounds
+    (left, top, right, bottom), and the largest 1 / depth."""
     before = corners[:, :, 2] > NEAR
+    whole = before.all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         pixels = corners @ intrinsics.T
         pixels = pixels[:, :, :2] / pixels[:, :, 2:]
-    beside = (pixels < -1).all(axis=1) | (pixels > np.array(size) + 1).all(axis=1)
-    return np.flatnonzero(before.any(axis=1) & ~(before.all(axis=1) & beside.any(axis=1)))
+        boxes = np.concatenate([np.maximum(np.floor(pixels.min(axis=1)), 0), np.minimum(np.ceil(pixels.max(axis=1)) + 1, size)], axis=1)
+    found = [(k, tuple(boxes[k].astype(int)), 1.0 / corners[k, :, 2].min())
+             for k in np.flatnonzero(whole & (boxes[:, :2] < boxes[:, 2:]).all(axis=1))]
+    for k in np.flatnonzero(before.any(axis=1) & ~whole):
+        box = _box(corners[k], intrinsics, size)
+        if box is not None:
+            found.append((k, box, 1.0 / NEAR))
+    return sorted(found)
 
 
 def _box(corners, intrinsics, size):
