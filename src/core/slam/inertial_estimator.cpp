@@ -13,6 +13,8 @@ constexpr double kLargestRejection = 0.25; // of the features that the filter be
 // s. Over it a hand's 20 rad/s^2 turn a picture by 0.04 mrad more than what is linear in it, a small part of
 // a pixel.
 constexpr double kLinearClock = 0.002;
+// s from a try that was refused, which costs what two seconds of frames cost, to the next.
+constexpr double kPatience = 0.5;
 constexpr double kLearnt = 1.0 / 3.0; // of a prior's sigma: what is left of one that hardly counts any more
 // What a hand carries through a room sees the same view every few seconds.
 constexpr std::size_t kKeptOneIn = 4;
@@ -126,7 +128,7 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
   if (given_) return FrameReport(frame);
   const FrameReport report = alignment_->process(frame);
   // Else the IMU's samples before it may be on their way.
-  if (fromSeconds(frame.time_offset) == fromSeconds(alignment_->timeOffset())) problem_ = tryToStart();
+  if (fromSeconds(frame.time_offset) == fromSeconds(alignment_->timeOffset())) problem_ = tryToStart(frame.stamp);
   return report;
 }
 
@@ -157,17 +159,20 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
 }
 
 /// Empty: it has started. Else why not.
-std::string InertialEstimator::tryToStart() {
+std::string InertialEstimator::tryToStart(Stamp now) {
   const InertialAlignment::Result aligned = alignment_->align();
   if (!aligned.state) return aligned.problem;
+  if (alignment_->isFull() && secondsBetween(suspect_at_, now) < kPatience) return problem_;
   auto filter = makeFilter();
   filter->begin(*aligned.state);
   filter->preset(alignment_->imu());
   const bool follows = replay(*filter);
   if (learnClock(*filter)) return "begins anew with the pictures' clock that was found";
-  if (!follows)
+  if (!follows) {
+    suspect_at_ = now;
     return "the accelerometer contradicts the pictures once the filter begins (are the IMU's axes those of "
            "the transform to the camera?)";
+  }
   filter->moveOriginHere();
   if (map_) filter->relocaliseIn(map_); // not before: the origin is here until its place in the map is found
   filter_ = std::move(filter);

@@ -53,7 +53,7 @@ class InertialEstimator : public Estimator {
   std::unique_ptr<InertialAlignment> makeAlignment() const;
   void tryToGoOn(Stamp now);
   void tryGiven(Stamp now);
-  std::string tryToStart();
+  std::string tryToStart(Stamp now);
   void verify(const StereoFrame& frame, Divergence divergence);
   bool replay(InvariantEstimator& filter) const;
   bool learnClock(const InvariantEstimator& filter);
@@ -65,7 +65,7 @@ class InertialEstimator : public Estimator {
   std::unique_ptr<InvariantEstimator> filter_;
   std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is verified
   int divergences_ = 0;                          ///< since it is
-  Stamp suspect_at_ = 0;                         ///< when it was last why
+  Stamp suspect_at_ = 0;                         ///< when it last diverged or contradicted the pictures
   // Until there is a filter.
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
