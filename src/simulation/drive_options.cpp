@@ -122,6 +122,8 @@ const std::vector<DriveOptionField>& driveOptionFields() {
       {"strength-spread", &O::strength_spread, 0, 10, "",
        "sigma of the points' log strength; 3: mostly the same are detected"},
       {"ids-return", &O::ids_return, 0, 1, "", "whether a landmark seen again has its old id"},
+      {"corner-sigma", &O::corner_sigma, 0, 1, "m",
+       "per axis, from a landmark to the point that a track of it follows"},
       {"descriptors", &O::descriptors, 0, 1, "",
        "whether features come with descriptors of what they look like"},
       {"alike-share", &O::alike_share, 0, 1, "", "landmarks that look like one of twenty kinds"},

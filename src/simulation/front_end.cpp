@@ -25,7 +25,8 @@ FrontEnd::FrontEnd(const DriveOptions& options, const View& view, Scene& scene)
       noise_random_(options.seed, RandomStream::kPixelNoise),
       track_random_(options.seed, RandomStream::kTracks),
       stale_random_(options.seed, RandomStream::kStaleFrames),
-      walk_random_(options.seed, RandomStream::kTrackWalks) {}
+      walk_random_(options.seed, RandomStream::kTrackWalks),
+      corner_random_(options.seed, RandomStream::kCorners) {}
 
 FrontEnd::Result FrontEnd::process(Stamp stamp, const SE3& world_T_imu,
                                    const std::vector<MovingObject>& objects) {
@@ -167,7 +168,7 @@ void FrontEnd::detect(const SE3& world_T_cam, const std::vector<MovingObject>& o
   std::sort(taken.begin(), taken.end());
   for (const ScenePoint& point : scene_.detect(world_T_cam, target - tracks_.size(), taken)) {
     Track track;
-    track.truth.world = point.world;
+    track.truth.world = point.world + options_.corner_sigma * corner_random_.normal3();
     track.scene_index = point.index;
     track.look = point.look;
     if (track_random_.uniform() < options_.outlier_fraction) makeOutlier(track);

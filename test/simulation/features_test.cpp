@@ -299,6 +299,27 @@ TEST(Ids, NeverReturnUnlessAskedTo) {
   EXPECT_EQ(elsewhere, 0);
 }
 
+TEST(Corners, AreFoundAgainAsNearAsTold) {
+  DriveOptions options;
+  options.strength_spread = 3.0; // mostly the same ones
+  options.ids_return = true;
+  options.stale_fraction = options.outlier_fraction = 0.0;
+  options.corner_sigma = 0.07;
+  std::map<std::uint64_t, Eigen::Vector3d> last;
+  double sum = 0.0, n = 0.0;
+  forEachObservation(
+      simulateDrive(options), ObservationKind::kStatic, [&](const DriveStep& step, std::size_t i) {
+        const auto [known, is_new] = last.try_emplace(step.truth[i].point, step.truth[i].world);
+        if (is_new || known->second == step.truth[i].world) return;
+        sum += (step.truth[i].world - known->second).squaredNorm();
+        n += 3.0;
+        known->second = step.truth[i].world;
+      });
+  ASSERT_GT(n, 300.0);
+  const double variance = 2.0 * 0.07 * 0.07;
+  EXPECT_NEAR(sum / n, variance, 5.0 * variance * std::sqrt(2.0 / n));
+}
+
 TEST(MovingObjects, MoveTogether) {
   DriveOptions options;
   options.stale_fraction = 0.0;

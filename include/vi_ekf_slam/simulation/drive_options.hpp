@@ -60,6 +60,9 @@ struct DriveOptions {
   /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
   /// with 3 it is nearly always the same ones.
   double strength_spread = 0.0;
+  /// m, per axis, from a landmark to the point that a track of it follows: a detector that finds a corner
+  /// again does not find the same point of it.
+  double corner_sigma = 0.0;
   bool descriptors = false;   ///< whether features have descriptors
   double alike_share = 0.2;   ///< of the landmarks, that look like one of a few others
   bool alike_streets = false; ///< the same points with the same looks every 40 m

@@ -75,7 +75,7 @@ class FrontEnd {
   Scene& scene_;
   TrackDrift drift_;
   Appearance appearance_;
-  Random noise_random_, track_random_, stale_random_, walk_random_;
+  Random noise_random_, track_random_, stale_random_, walk_random_, corner_random_;
   std::vector<Track> tracks_;
   std::map<std::uint64_t, std::pair<FeatureId, std::uint64_t>>
       known_; ///< scene index -> (id, point), ids_return

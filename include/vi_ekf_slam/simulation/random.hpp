@@ -25,7 +25,8 @@ enum class RandomStream : std::uint64_t {
   kRig,
   kAppearance,
   kImuScale,
-  kLast = kImuScale
+  kCorners,
+  kLast = kCorners
 };
 
 /// Random numbers that depend on (seed, stream) alone. The distributions of `<random>` differ between standard
