@@ -4,29 +4,22 @@
 
 #include <gtest/gtest.h>
 
-#include "../numeric.hpp"
+#include "../motion/inertial_core.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 using test::distance;
+using test::imuSample;
 using test::isotropic;
 
 const ImuNoise kNoise{0.01, 0.1, 1e-3, 1e-2};
-
-ImuSample sampleAt(double t, const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration) {
-  ImuSample sample;
-  sample.stamp = fromSeconds(t);
-  sample.angular_velocity = rate;
-  sample.acceleration = acceleration;
-  return sample;
-}
 
 /// Samples every 0.01 s, the last one reached at 10 s, of a rate and acceleration that grow with the time.
 ImuTrack growing(bool noise_given = true, double next = 10.01) {
   ImuTrack imu(kNoise, noise_given);
   const auto at = [](double t) {
-    return sampleAt(t, t * Eigen::Vector3d(1.0, -2.0, 3.0), t * Eigen::Vector3d(-4.0, 5.0, 6.0));
+    return imuSample(t, t * Eigen::Vector3d(1.0, -2.0, 3.0), t * Eigen::Vector3d(-4.0, 5.0, 6.0));
   };
   imu.reach(at(9.99));
   imu.reach(at(10.0));
@@ -50,19 +43,19 @@ TEST(ImuTrack, HoldsTheLastSampleWhereNoOtherIsKnownAndTheFirstBeforeIt) {
   EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), Eigen::Vector3d::Zero());
   EXPECT_EQ(imu.over(fromSeconds(1.0), fromSeconds(1.1)).acceleration, Eigen::Vector3d::Zero());
   const Eigen::Vector3d rate(0.1, 0.2, 0.3), acceleration(1.0, 2.0, 9.0);
-  imu.expect(sampleAt(2.0, rate, acceleration));
+  imu.expect(imuSample(2.0, rate, acceleration));
   EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), rate);
-  imu.reach(sampleAt(2.0, rate, acceleration));
+  imu.reach(imuSample(2.0, rate, acceleration));
   EXPECT_EQ(imu.over(fromSeconds(2.0), fromSeconds(2.1)).acceleration, acceleration);
   // Never beyond the two samples.
-  imu.expect(sampleAt(2.1, 3.0 * rate, acceleration));
+  imu.expect(imuSample(2.1, 3.0 * rate, acceleration));
   EXPECT_LT(distance(imu.rateAt(fromSeconds(9.0)), 3.0 * rate), 1e-15);
   EXPECT_LT(distance(imu.rateAt(fromSeconds(1.0)), rate), 1e-15);
 }
 
 TEST(ImuTrack, DensitiesAreTheCalibrationsWhereItIsGiven) {
   ImuTrack imu = growing(true);
-  ImuSample noisy = sampleAt(10.01, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+  ImuSample noisy = imuSample(10.01, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
   noisy.covariance = noisy.acceleration_covariance = isotropic(7.0);
   imu.reach(noisy);
   const ImuInterval over = imu.over(fromSeconds(10.01), fromSeconds(10.02));
@@ -75,7 +68,7 @@ TEST(ImuTrack, DensitiesAreTheCalibrationsWhereItIsGiven) {
 TEST(ImuTrack, DensitiesAreAMessagesCovarianceTimesThePeriodWhereItHasOne) {
   for (const double period : {0.0025, 0.01, 0.1}) {
     ImuTrack imu(kNoise, false);
-    ImuSample noisy = sampleAt(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
+    ImuSample noisy = imuSample(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero());
     imu.reach(noisy);
     noisy.stamp += fromSeconds(period);
     noisy.covariance = isotropic(0.3);
@@ -103,13 +96,13 @@ TEST(ImuTrack, AGapIsUncertainByWhatTheBodyMayHaveDoneInIt) {
   EXPECT_NEAR((density(0.8) - 1e-4) / (density(0.4) - 1e-4), 4.0, 1e-9);
   // Where no sample ends it, twelve times as much.
   ImuTrack open(kNoise, true);
-  open.reach(sampleAt(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  open.reach(imuSample(10.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
   const ImuInterval over = open.over(fromSeconds(10.0), fromSeconds(10.4));
   EXPECT_NEAR(over.rate_density(1, 1) - 1e-4, 12.0 * (density(0.4) - 1e-4), 1e-9);
   EXPECT_GT(over.acceleration_density(0, 0), over.rate_density(0, 0));
   // A gap does not count as the IMU's period.
   ImuTrack imu = growing();
-  imu.reach(sampleAt(12.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  imu.reach(imuSample(12.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
   EXPECT_LE(imu.period(), 0.15);
 }
 
