@@ -3,8 +3,18 @@
 
 #include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/ros/front_end/front_end_node.hpp"
+#include "vi_ekf_slam/ros/node/node_arguments.hpp"
+
+namespace {
+
+constexpr char kWhat[] =
+    "\nThe stereo front end: a stereo pair's images in, features out. It waits for a master. slam.launch\n"
+    "starts it with front_end:=true; topics and parameters are in docs/front_end.md.\n";
+
+} // namespace
 
 int main(int argc, char** argv) {
+  if (const auto status = vi_ekf_slam::endsAtOnce(argc, argv, kWhat)) return *status;
   vi_ekf_slam::keepFreedMemory();
   ros::init(argc, argv, "front_end");
   try {

@@ -7,10 +7,16 @@
 #include <stdexcept>
 
 #include "vi_ekf_slam/core/run/memory.hpp"
+#include "vi_ekf_slam/ros/node/node_arguments.hpp"
 #include "vi_ekf_slam/ros/node/slam_node.hpp"
 
 namespace {
 
+constexpr char kWhat[] =
+    "\nThe SLAM node: IMU, velocity and stereo features in; pose, path and map out. It waits for a master.\n"
+    "slam.launch starts it with all that it needs (roslaunch vi_ekf_slam slam.launch --ros-args); topics "
+    "are\n"
+    "in docs/running.md, parameters in docs/configuration.md.\n";
 constexpr double kSpinPeriod = 0.05; // s
 constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
 
@@ -43,6 +49,7 @@ void drain(ros::CallbackQueue& queue) {
 } // namespace
 
 int main(int argc, char** argv) {
+  if (const auto status = vi_ekf_slam::endsAtOnce(argc, argv, kWhat)) return *status;
   vi_ekf_slam::keepFreedMemory();
   ros::init(argc, argv, "slam", ros::init_options::NoSigintHandler);
   const ros::NodeHandle nh;

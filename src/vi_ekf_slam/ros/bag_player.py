@@ -15,6 +15,7 @@ from roslib.packages import find_node
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
+from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 from vi_ekf_slam.ros.own_launch import end_own_launch
 from vi_ekf_slam.ros.recorded_bag import STATIC_TRANSFORMS, TRANSFORMS, OwnTransforms, PlayError, RecordedBag, find_bag
 
@@ -137,6 +138,7 @@ def play():
 
 def main():
     """Entry point."""
+    take_ros_arguments(__doc__)
     rospy.init_node("play_bag")
     try:
         play()

@@ -13,6 +13,7 @@ from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.recordings.calibration_files import numbers, transform
 from vi_ekf_slam.recordings.recording import Camera
+from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 
 
 def parameter(values, key, name):
@@ -68,6 +69,7 @@ def publish():
 
 def main():
     """Entry point: 0 when it is told to end, 2 when a parameter is refused."""
+    take_ros_arguments(__doc__)
     rospy.init_node("publish_calibration")
     try:
         alive = publish()

@@ -13,6 +13,7 @@ import rosgraph
 import rospy
 
 from vi_ekf_slam.common.exit_status import EXIT_REFUSED
+from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 
 TOPICS = ("/tf", "/tf_static", "odometry", "dead_reckoning/odometry", "pose", "loop_closures", "/ground_truth/pose",
           "/diagnostics")
@@ -108,6 +109,7 @@ def _stored(header):
 
 def main():
     """Entry point: records until the node is shut down."""
+    take_ros_arguments(__doc__)
     rospy.init_node("record_outputs")
     try:
         path = os.path.abspath(os.path.expanduser(str(rospy.get_param("~bag"))))

@@ -12,7 +12,6 @@ from conftest import HANG_S, ROOT, program, script_path
 PAGES = ["README.md"] + ["docs/" + name for name in sorted(os.listdir(os.path.join(ROOT, "docs"))) if name.endswith(".md")]
 README_LINES = 80  # one screen
 FOLDERS = ("cfg", "config", "docs", "include", "launch", "msg", "rviz", "scripts", "src", "srv", "test", ".ci")
-WITHOUT_HELP = {"slam_node", "stereo_front_end", "play_bag.py", "record_outputs.py", "publish_calibration.py"}
 NO_KEYS = {("front_end", "image")}  # a topic
 FILE_ENDS = {"bag", "cpp", "hpp", "launch", "msg", "npz", "png", "py", "srv", "txt", "yaml"}
 OTHER_SECTIONS = {"studies", "paper"}  # keys that default.yaml does not have
@@ -125,7 +124,7 @@ def test_programs_and_their_options_exist():
     assert {"dataset_to_bag.py", "evaluate.py", "run_bag", "import_calibration.py", "monte_carlo"} <= set(used)
     for name, options in used.items():
         assert os.path.exists(script_path(name)) if name.endswith(".py") else program(name), name
-        if name not in WITHOUT_HELP and options - {"--help"}:
+        if options - {"--help"}:
             text = help_of(name)
             missing = [option for option in options - {"--help"} if not re.search(re.escape(option) + r"(?![\w-])", text)]
             assert not missing, "%s: %s" % (name, ", ".join(missing))

@@ -12,7 +12,7 @@ SCRIPTS = ["check_rig.py", "dataset_to_bag.py", "degraded_bag.py", "evaluate.py"
            "import_calibration.py", "load_test.py", "play_bag.py", "plot.py", "publish_calibration.py",
            "record_outputs.py", "render_rviz.py", "reproduce_paper.py",
            "simulate_dataset.py"]
-NODES = ["slam_node", "stereo_front_end", "play_bag.py", "publish_calibration.py", "record_outputs.py"]  # no --help: they wait for a master
+NODES = ["slam_node", "stereo_front_end", "play_bag.py", "publish_calibration.py", "record_outputs.py"]
 
 pytestmark = pytest.mark.skipif(shutil.which("rosrun") is None, reason="NOT RUN: rosrun is not installed")
 
@@ -55,9 +55,17 @@ def test_a_script_is_found_once(name):
     assert [os.path.basename(path) for path in rosrun("--prefix", "echo", "vi_ekf_slam", name).splitlines()] == [name]
 
 
-@pytest.mark.parametrize("name", [name for name in PROGRAMS + SCRIPTS if name not in NODES])
+@pytest.mark.parametrize("name", PROGRAMS + SCRIPTS)
 def test_it_starts(name):
     assert "usage: " in rosrun("vi_ekf_slam", name, "--help").lower()
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_takes_no_other_arguments_than_those_of_ros(name):
+    done = subprocess.run(["rosrun", "vi_ekf_slam", name, "__name:=other", "_parameter:=1", "file.bag"], stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
+    assert done.returncode == 2 and not done.stdout
+    assert "file.bag" in done.stderr and "usage: " in done.stderr and "_parameter" not in done.stderr
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -66,7 +74,7 @@ def test_roslaunch_takes_the_program_of_the_devel_space(space, name):
     assert os.path.realpath(find_node("vi_ekf_slam", name)[0]) == os.path.join(space, "lib", "vi_ekf_slam", name)
 
 
-@pytest.mark.parametrize("name", [name for name in SCRIPTS if name not in NODES])
+@pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_does_not_use_a_python_that_happens_to_be_first_on_the_path(tmp_path, name):
     other = tmp_path / "python3"  # pyenv, conda, a virtual environment: none has the ROS packages
     other.write_text("#!/bin/sh\nexit 9\n")
