@@ -2,7 +2,8 @@
 # What takes too long for every test run:
 #   scripts/nightly.sh fuzz [SECONDS [TARGET ...]]     the fuzz targets (libFuzzer, AddressSanitizer, UBSan), SECONDS each (60)
 #   scripts/nightly.sh sanitize [address|thread ...]   all gtests with AddressSanitizer and UBSan, then with ThreadSanitizer
-#   scripts/nightly.sh soak [FRAMES]                   FRAMES of 10 Hz (864000, a day) through the node's own input path
+#   scripts/nightly.sh soak [FRAMES]                   a million frames of the filter, then FRAMES of 10 Hz (864000, a day) through
+#                                                      the node's own input path
 #   scripts/nightly.sh rigs                            check_rig.py on recorded rigs that are broken afterwards
 #   scripts/nightly.sh plain                           builds all as catkin_make does, one file at a time, with OpenCV and without
 #
