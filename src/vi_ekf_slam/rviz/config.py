@@ -94,6 +94,11 @@ def switch(config, name, on):
             display["Enabled"] = display["Value"] = on
 
 
+def set_frame_rate(config, hz):
+    """Draw that often, and not more."""
+    config["Visualization Manager"].setdefault("Global Options", {})["Frame Rate"] = hz
+
+
 def set_scale(config, factor):
     """Make all that is drawn `factor` times as large as for a car; below SMALL landmarks are points, not squares."""
     views = config["Visualization Manager"]["Views"]

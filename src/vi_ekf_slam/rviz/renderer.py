@@ -17,8 +17,8 @@ from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.ros.private_ros import child, find_program, published_topics, ros_master, set_parameter, x_server
 from vi_ekf_slam.rviz import offers
-from vi_ekf_slam.rviz.config import (TRACKS, TRUTH, displays_of, dump_config, load_config, shipped_path, switch,
-                                     topic_displays)
+from vi_ekf_slam.rviz.config import (TRACKS, TRUTH, displays_of, dump_config, load_config, set_frame_rate, shipped_path,
+                                     switch, topic_displays)
 from vi_ekf_slam.rviz.legend import add_legend
 from vi_ekf_slam.rviz.session import RvizSession
 
@@ -30,6 +30,7 @@ OCTREE = 2  # Image.FASTOCTREE in old versions of Pillow, Image.Quantize.FASTOCT
 ANIMATION_FRAMES, ANIMATION_STEP_MS = 60, 100
 PLAYER_DELAY_S = 1.0  # between the advertising of topics and their first message, so that rviz is connected
 SLACK_S = 60.0  # for the start of programs, beyond the time that playing takes
+FRAME_RATE = 10  # Hz; without a graphics card a frame costs a core up to 30 ms, and nobody watches
 SETTLE_S, SETTLE_LIMIT_S = 2.0, 6.0  # after the last message
 
 
@@ -102,6 +103,7 @@ def prepare_config(options, folder):
         if display.name in (TRACKS, TRUTH) and display.topic not in offer.topics:
             switch(config, display.name, False)
     displays = topic_displays(config)
+    set_frame_rate(config, FRAME_RATE)
     path = os.path.join(folder, "shown.rviz")
     with open(path, "wb") as stream:
         stream.write(dump_config(config))
