@@ -63,7 +63,7 @@ TEST(RosConfig, unknown_keys_are_errors_at_every_level) {
 
 /// So that the node reads them all from its parameters, and takes nothing else there for its own.
 TEST(RosConfig, knows_the_keys_of_a_configuration) {
-  for (const char* name : {"default", "paper", "dead_reckoning"}) {
+  for (const char* name : {"default", "expert", "paper", "dead_reckoning"}) {
     const std::string file = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config/" + name + ".yaml";
     for (const auto& entry : YAML::LoadFile(file))
       EXPECT_TRUE(isConfigurationKey(entry.first.as<std::string>())) << file;

@@ -25,7 +25,7 @@ std::vector<SeedResult> drive(DriveOptions options, PlaceRecognition recognition
   options.corner_sigma = 0.07; // two tracks of a corner are 0.1 m apart then, as the filter has it
   Config config;
   // The truth about its tracks: they do not slip, and their noise is white.
-  config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
+  config.invariant.slip.sigma = 0.0;
   config.invariant.stereo.pixel_sigma = options.pixel_sigma;
   config.invariant.recognise_places = recognition;
   return runSeeds(config, options, 1, seeds, 1);

@@ -24,7 +24,7 @@ std::vector<SeedResult> driveTwoLaps(MapKeep keep, double stale_fraction) {
   options.features_max = 75; // a closure costs their cube
   Config config;
   // The truth about its tracks: they do not slip, and their noise is white.
-  config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0;
+  config.invariant.slip.sigma = 0.0;
   config.invariant.stereo.pixel_sigma = options.pixel_sigma;
   config.invariant.map.keep = keep;
   return runSeeds(config, options, 1, kSeeds, 1);

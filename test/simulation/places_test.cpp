@@ -33,7 +33,7 @@ Closures drive(std::uint64_t seed, double laps, bool recognise, bool repaired = 
   options.strength_spread = 3.0;
   options.gyro_sigma = 0.1; // to be less sure of where it is
   Config config;
-  config.invariant.slip.sigma = config.invariant.slip.rotation_sigma = 0.0; // its tracks do not slip
+  config.invariant.slip.sigma = 0.0; // its tracks do not slip
   config.invariant.recognise_places = recognise ? PlaceRecognition::kConstellation : PlaceRecognition::kNone;
   DriveSimulator simulator(options);
   const auto estimator = makeEstimator(config);

@@ -15,7 +15,7 @@ Eigen::Vector4d TrackSlip::variances() const {
 
 void TrackSlip::addTo(Filter& filter) {
   variable_.reset();
-  if (options_.sigma > 0.0 || options_.rotation_sigma > 0.0)
+  if (options_.sigma > 0.0)
     variable_ = filter.augment(Chart::kVector, Eigen::Vector4d::Zero(),
                                Eigen::Matrix4d(variances().asDiagonal()), {}, kName);
 }

@@ -111,7 +111,7 @@ Config toldTheTruth(Config config, const DriveOptions& options) {
   if (options.gyro_bias_sigma > 0.0) filter.inertial.gyro_bias_sigma = options.gyro_bias_sigma;
   filter.inertial.gravity = kGravity;
   if (options.pixel_sigma > 0.0) filter.stereo.pixel_sigma = options.pixel_sigma;
-  filter.slip.sigma = filter.slip.rotation_sigma = 0.0;
+  filter.slip.sigma = 0.0;
   return config;
 }
 

@@ -6,7 +6,7 @@ InvariantConfig steadyTracks() {
   InvariantConfig config;
   config.motion.velocity_sigma = kTypical.velocity;
   config.motion.gyro_sigma = kTypical.gyro;
-  config.slip.sigma = config.slip.rotation_sigma = 0.0;
+  config.slip.sigma = 0.0;
   return config;
 }
 

@@ -14,7 +14,6 @@ README_LINES = 80  # one screen
 FOLDERS = ("cfg", "config", "docs", "include", "launch", "msg", "rviz", "scripts", "src", "srv", "test", ".ci")
 NO_KEYS = {("front_end", "image")}  # a topic
 FILE_ENDS = {"bag", "cpp", "hpp", "launch", "msg", "npz", "png", "py", "srv", "txt", "yaml"}
-OTHER_SECTIONS = {"studies", "paper"}  # keys that default.yaml does not have
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
 
@@ -150,11 +149,14 @@ def test_launch_files_and_their_arguments_exist(page):
 
 @pytest.mark.parametrize("page", PAGES)
 def test_keys_of_the_configuration_exist(page):
-    sections = yaml.safe_load(read("config/default.yaml"))
-    sections = {name: keys for name, keys in sections.items() if isinstance(keys, dict)}
+    sections = {}
+    for name in ("default", "expert", "paper"):
+        for section, keys in yaml.safe_load(read("config/%s.yaml" % name)).items():
+            if isinstance(keys, dict):
+                sections.setdefault(section, set()).update(keys)
     for code in CODE.findall(prose(page)):
         for section, key in re.findall(r"(?<![\w/.~-])([a-z_]+)[/.]([a-z_]+)(?=$|[:\s,])", code):
-            if section in sections and section not in OTHER_SECTIONS and key not in FILE_ENDS and (section, key) not in NO_KEYS:
+            if section in sections and key not in FILE_ENDS and (section, key) not in NO_KEYS:
                 assert key in sections[section], code
 
 

@@ -50,7 +50,7 @@ def told_the_truth(folder, **changes):
     with open(CONFIG, encoding="utf-8") as stream:
         parameters = yaml.safe_load(stream)
     density = parameters["invariant"]["twist_density"]
-    parameters["invariant"].update(slip_sigma=0.0, slip_rotation_sigma=0.0, twist_density=density[:3] + 3 * density[3:4],
+    parameters["invariant"].update(slip_sigma=0.0, twist_density=density[:3] + 3 * density[3:4],
                                    **changes)
     path = folder / "told.yaml"
     path.write_text(yaml.safe_dump(parameters))

@@ -19,9 +19,9 @@ namespace vi_ekf_slam {
 /// their sigma are taken at its word: ours does not lag (docs/front_end.md).
 class TrackSlip {
  public:
-  /// Standard deviations; both 0: tracks do not slip.
+  /// Standard deviations.
   struct Options {
-    double sigma = 0.02;            ///< of the displacement (1)
+    double sigma = 0.02;            ///< of the displacement (1); 0: tracks do not slip
     double rotation_sigma = 0.0001; ///< rad/m
     double length_m = 20.0;         ///< over which it stays the same
   };

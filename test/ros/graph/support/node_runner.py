@@ -20,7 +20,7 @@ LITTLE_ROOM = 400000
 # A busy machine may serve the connections far apart: that makes nothing late, and nothing is shed.
 PATIENT = {"buffer": {"max_delay_s": 2.0}, "ros": {"max_latency_s": 0.0}}
 # The tracks of the drive do not slip.
-WITHOUT_SLIP = {"slip_sigma": 0.0, "slip_rotation_sigma": 0.0}
+WITHOUT_SLIP = {"slip_sigma": 0.0}
 
 
 def bound_files():
