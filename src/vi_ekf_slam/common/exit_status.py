@@ -1,19 +1,26 @@
 """How every program of this package ends when it refuses something."""
 
+import os
 import sys
 
 from vi_ekf_slam.common.errors import InputError
 
 EXIT_REFUSED = 2
+EXIT_NOT_READ = 141  # as of a program that SIGPIPE ends
 
 
 def exit_status(action, *arguments, source=None):
-    """Call action(*arguments): 0, or EXIT_REFUSED after one line on stderr when it raises InputError or lacks a module.
+    """Call action(*arguments): 0, or EXIT_REFUSED after one line on stderr when it raises InputError or lacks a module;
+    EXIT_NOT_READ where nobody reads standard output any more, such as head.
 
     source: the input to name where memory does not suffice for it; None: MemoryError passes through.
     """
     try:
         action(*arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes it once more
+        return EXIT_NOT_READ
     except InputError as reason:
         return _refuse(reason)
     except ModuleNotFoundError as reason:  # a headless robot has none of those that draw
