@@ -14,6 +14,7 @@ namespace vi_ekf_slam::test {
 
 struct FlightOptions {
   bool at_rest = false;
+  double motion = 1.0; ///< by how much it moves and turns, of what it does by itself
   double imu_rate = 200.0, frame_rate = 10.0; ///< Hz; samples fall onto frames
   ImuNoise noise;                             ///< of the samples, and how their biases walk
   double pixel = 0.0;                         ///< px, of the features
@@ -122,16 +123,16 @@ class Flight {
     const Eigen::Vector3d size(0.8, 1.0, 0.4), frequency(0.9, 1.3, 1.7);
     Eigen::Vector3d x;
     for (int i = 0; i < 3; ++i)
-      x[i] = size[i] * std::pow(frequency[i], order) *
+      x[i] = options_.motion * size[i] * std::pow(frequency[i], order) *
              std::sin(frequency[i] * t + phase_[i] + 0.5 * kPi * order);
     if (options_.at_rest) x = order == 0 ? derivativeAtStart() : Eigen::Vector3d::Zero();
     return x;
   }
   Eigen::Vector3d derivativeAtStart() const { return {0.3, -0.2, 0.1}; }
   Eigen::Matrix3d rotation(double t) const {
-    const double s = options_.at_rest ? 0.0 : t;
-    return so3::Exp({0.0, 0.0, options_.heading + 0.3 * std::sin(0.7 * s + phase_[0])}) *
-           so3::Exp({0.15 * std::sin(1.1 * s + phase_[1]), 0.1 * std::sin(0.9 * s + phase_[2]), 0.0});
+    const double s = options_.at_rest ? 0.0 : t, m = options_.motion;
+    return so3::Exp({0.0, 0.0, options_.heading + 0.3 * m * std::sin(0.7 * s + phase_[0])}) *
+           so3::Exp({0.15 * m * std::sin(1.1 * s + phase_[1]), 0.1 * m * std::sin(0.9 * s + phase_[2]), 0.0});
   }
   /// R^T R' by a stencil of the fourth order.
   Eigen::Vector3d rate(double t) const {

@@ -186,6 +186,22 @@ TEST(InertialStart, WrongAxesAreFoundOutFromAGivenStateToo) {
   }
 }
 
+// A body that moves gently hardly diverges; then it is the bias that no accelerometer has.
+TEST(InertialStart, WrongAxesAreFoundOutByTheBiasThatTheyNeed) {
+  FlightOptions options = startFlight(false);
+  options.motion = 0.3;
+  Flight flight(8, options);
+  flight.sample();
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+  ASSERT_TRUE(estimator.begin(rightState(flight)));
+  int divergences = 0;
+  while (estimator.contradiction().empty() && flight.seconds() < 15.0) {
+    if (flight.feed(estimator, ofAccelerations(quarterTurned)).divergence != Divergence::kNone) ++divergences;
+  }
+  EXPECT_TRUE(blamesAxes(estimator.contradiction())) << estimator.contradiction();
+  EXPECT_LT(divergences, 2); // which would have been enough by themselves
+}
+
 TEST(InertialStart, TheSystemBeginsAnewWhereTheAxesAreFoundOut) {
   const FlightOptions options = startFlight(false);
   std::uint64_t resets = 0;
