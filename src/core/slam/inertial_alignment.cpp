@@ -181,7 +181,8 @@ InertialAlignment::Result InertialAlignment::align() {
             "waits for " + rounded(kLongest) + " s of frames: the accelerometer and the pictures differ by " +
                 rounded(fit->misfit) + " standard deviations, " + rounded(kLargestEarlyMisfit) +
                 " would do already"};
-  return {stateOf(*fit), {}};
+  const Eigen::Matrix3d& now = poses_.back().frame_T_imu.rotation();
+  return {stateOf(*fit), {}, false, now.transpose() * -fit->gravity.normalized()};
 }
 
 /// Each with its frame's own noise, its drift since the first step, and what the accelerations until then are

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/slam/inertial_estimator.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -23,6 +24,8 @@ constexpr double kVerification = 10.0;
 // In that time: once the estimate diverges of much that has nothing to do with the IMU (a lorry, a covered
 // camera).
 constexpr int kDivergences = 2;
+// rad. What is tilted by less finds back by itself, as from a start, which may be as wrong.
+constexpr double kLargestTilt = 0.2;
 // Times what is expected of the accelerometer's bias: this is none, but what explains something else.
 constexpr double kLargestBias = 10.0;
 
@@ -154,8 +157,16 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
   }
   alignment_->process(frame);
   if ((divergences_ < kDivergences && !is_biased) || !alignment_->isFull()) return;
-  if (const InertialAlignment::Result result = alignment_->align(); result.contradicts)
-    contradiction_ = result.problem;
+  const InertialAlignment::Result aligned = alignment_->align();
+  if (aligned.contradicts) {
+    contradiction_ = aligned.problem;
+  } else if (aligned.state) {
+    const Eigen::Vector3d up = filter_->state().world_T_imu.rotation().transpose().col(2);
+    const double tilt = std::atan2(up.cross(aligned.up).norm(), up.dot(aligned.up));
+    if (tilt > kLargestTilt)
+      contradiction_ = "gravity is " + rounded(tilt) +
+                       " rad off the map's vertical (was a state given whose map has no z axis upwards?)";
+  }
 }
 
 /// Empty: it has started. Else why not.

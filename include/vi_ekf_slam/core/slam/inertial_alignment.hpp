@@ -31,6 +31,8 @@ class InertialAlignment {
     std::optional<InitialState> state; ///< at the first measurement: of the linear fit, with a wide prior
     std::string problem;               ///< in words, where there is none
     bool contradicts = false;          ///< the IMU cannot have moved as the pictures have it
+    /// The vertical in the body's axes at the last frame, where there is a state.
+    Eigen::Vector3d up = Eigen::Vector3d::Zero();
   };
   Result align();
   /// Whether it looks back as far as it ever does.
