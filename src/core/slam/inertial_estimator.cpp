@@ -165,7 +165,7 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
     const double tilt = std::atan2(up.cross(aligned.up).norm(), up.dot(aligned.up));
     if (tilt > kLargestTilt)
       contradiction_ = "gravity is " + rounded(tilt) +
-                       " rad off the map's vertical (was a state given whose map has no z axis upwards?)";
+                       " rad off the map's vertical (a state that is given must have the z axis upwards)";
   }
 }
 
