@@ -160,7 +160,7 @@ TEST(CompressedCoreTest, BeginsAPeriodWhereNoneIsUnderWay) {
   EXPECT_FALSE(core.isOpen());
   const Eigen::MatrixXd first = randomCovariance(random, 6, 1.0), second = randomCovariance(random, 6, 1.0);
   core.open({1.0, 0.0, 0.0}, first);
-  core.transform(2, randomMatrix(random, 3, 6));
+  core.transform(2, randomMatrix(random, 3, 4));
   core.open({2.0, 0.0, 0.0}, second);
   EXPECT_EQ(core.covariance(), first);
   EXPECT_EQ(core.position(), Eigen::Vector3d(1.0, 0.0, 0.0));
