@@ -135,7 +135,7 @@ int run(const RunBagOptions& options) {
   };
   system.onStart(say);
   if (!system.motionText().empty()) say("motion: " + system.motionText());
-  system.onImuProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
+  system.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
   if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
   RunWriter::requireDirectory(options.output);
   RunWriter writer;

@@ -62,7 +62,8 @@ SlamSystem::SlamSystem(const Config& config)
       estimator_(vi_ekf_slam::makeEstimator(config)),
       lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
       noise_(config),
-      imu_check_(config.invariant.inertial.gravity) {
+      imu_check_(config.invariant.inertial.gravity),
+      motion_check_(config.invariant) {
   noise_.setInertial(motion_ == MotionChoice::kInertial);
   if (motion_ != MotionChoice::kAuto && config.estimator != EstimatorType::kPaper)
     motion_text_ = motion_ == MotionChoice::kInertial ? "inertial, configured" : "constant twist, configured";
@@ -115,6 +116,7 @@ void SlamSystem::begin(const InitialState& state) {
 void SlamSystem::setRig(const StereoRig& rig) {
   rig_ = config_.invariant.rig.appliedTo(rig);
   estimator_->setRig(*rig_);
+  motion_check_.setRig(*rig_);
   drain();
 }
 
@@ -237,6 +239,7 @@ void SlamSystem::beginAnew(const std::string& reason) {
   estimator_ = makeEstimator();
   told_starts_.clear();
   imu_check_.restart();
+  motion_check_.restart();
   dead_reckoning_ = DeadReckoning();
   lever_arm_.restart();
   blindness_.restart();
@@ -282,6 +285,7 @@ void SlamSystem::process(const Measurement& measurement) {
   if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
     imu_check_.note(*gyro, motion_ == MotionChoice::kInertial);
     lever_arm_.note(*gyro);
+    if (motion_ != MotionChoice::kInertial) motion_check_.note(*gyro); // whose start tells
     estimator_->process(*gyro);
     if (!estimator_->hasStarted()) return;
     const StateEstimate state = estimator_->state();
@@ -289,12 +293,14 @@ void SlamSystem::process(const Measurement& measurement) {
     if (handlers_.gyro) handlers_.gyro({state, dead_reckoning_.pose(), {}, 0.0});
   } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
     const VelocitySample at_imu = lever_arm_.atImu(*velocity);
+    motion_check_.note(at_imu);
     estimator_->process(at_imu);
     if (motion_ != MotionChoice::kInertial) updateDeadReckoning(at_imu, estimator_->state());
   } else {
     const auto& frame = std::get<StereoFrame>(measurement);
     imu_check_.noteFrame(frame.stamp);
     if (!rig_) ++counts_.frames_without_rig;
+    checkMotion(frame);
     const auto start = std::chrono::steady_clock::now();
     const FrameReport report = estimator_->process(frame);
     const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
@@ -310,6 +316,12 @@ void SlamSystem::process(const Measurement& measurement) {
     if (handlers_.frame)
       handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
   }
+}
+
+void SlamSystem::checkMotion(const StereoFrame& frame) {
+  if (config_.estimator == EstimatorType::kPaper) return; // the baseline takes all as it is
+  const std::string problem = motion_check_.note(frame);
+  if (!problem.empty() && handlers_.problem) handlers_.problem(problem);
 }
 
 /// Of what is measured; where no velocity is, of the estimated twist, which is smooth but for small steps of

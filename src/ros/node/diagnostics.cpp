@@ -76,8 +76,10 @@ void Diagnostics::inputs(Status& status) {
   status.add("times that imu stopped", imu.counts().stops);
   if (const std::string problem = imu.problem(); !problem.empty())
     status.mergeSummary(DiagnosticStatus::WARN, problem);
-  if (const std::string& problem = from_.intake.stereoCheck().problem(); !problem.empty())
-    status.mergeSummary(DiagnosticStatus::WARN, problem);
+  for (const std::string& problem :
+       {from_.intake.stereoCheck().problem(), from_.system.motionCheck().problem()}) {
+    if (!problem.empty()) status.mergeSummary(DiagnosticStatus::WARN, problem);
+  }
 }
 
 void Diagnostics::calibration(Status& status) {

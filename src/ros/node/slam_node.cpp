@@ -73,7 +73,7 @@ void SlamNode::connectSystem() {
   system_.onNoise([](const StreamNoise& noise) { ROS_INFO_STREAM("noise: " << toText(noise)); });
   system_.onStart([](const std::string& text) { ROS_INFO_STREAM(text); });
   if (!system_.motionText().empty()) ROS_INFO_STREAM("motion: " << system_.motionText());
-  system_.onImuProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
+  system_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
   system_.onReset([this](const std::string& reason, const PathEstimate& path) { handleReset(reason, path); });
   intake_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
 }

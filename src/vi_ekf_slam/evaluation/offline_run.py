@@ -19,11 +19,12 @@ Judgement.__doc__ = """slam, dead_reckoning: against_truth.Evaluation. way: leng
 
 
 def run_bag(bag, config, output, *options):
-    """Run run_bag on `bag` with the file `config` into the directory `output`; InputError with its complaint."""
+    """Run run_bag on `bag` with the file `config` into the directory `output`; InputError with its complaint. What it warns of."""
     done = subprocess.run([package_program("run_bag"), bag, "--config", config, "--output", output, "--quiet", *options],
                           stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True, check=False)
     if done.returncode != 0:
         raise InputError("%s: %s" % (os.path.basename(bag), done.stderr.strip() or "run_bag failed"))
+    return done.stderr
 
 
 def judge(bag, output):

@@ -138,7 +138,7 @@ class StoppedImu : public ::testing::Test {
     state.covariance.diagonal().setConstant(1e-4);
     system_.begin(state);
     system_.setRig({});
-    system_.onImuProblem([this](const std::string& text) { said_.push_back(text); });
+    system_.onProblem([this](const std::string& text) { said_.push_back(text); });
     system_.onFrame([this](const Output& output) { frames_.push_back(output.state); });
   }
 

@@ -18,6 +18,7 @@
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/slam/motion_check.hpp"
 #include "vi_ekf_slam/core/slam/noise_report.hpp"
 
 namespace vi_ekf_slam {
@@ -104,11 +105,13 @@ class SlamSystem {
   /// reasons that differ by their numbers the first is told.
   void onStart(std::function<void(const std::string&)> handler) { handlers_.start = std::move(handler); }
 
-  /// Called with what is wrong with the IMU, once each.
-  void onImuProblem(std::function<void(const std::string&)> handler) {
-    imu_check_.onProblem(std::move(handler));
+  /// Called with what is wrong with the sensors, once each.
+  void onProblem(std::function<void(const std::string&)> handler) {
+    imu_check_.onProblem(handler);
+    handlers_.problem = std::move(handler);
   }
   const ImuCheck& imuCheck() const { return imu_check_; }
+  const MotionCheck& motionCheck() const { return motion_check_; }
   /// The latest stamp that has come since the start; nothing: none has.
   std::optional<Stamp> newest() const { return buffer_.newest(); }
 
@@ -146,7 +149,7 @@ class SlamSystem {
   struct Handlers {
     std::function<void(const Output&)> frame, gyro;
     ResetHandler reset;
-    std::function<void(const std::string&)> start;
+    std::function<void(const std::string&)> start, problem;
     std::function<void(const StreamNoise&)> noise;
   };
 
@@ -164,6 +167,7 @@ class SlamSystem {
   void reportStart();
   void updateDeadReckoning(const Measurement& measurement, const StateEstimate& state);
   void process(const Measurement& measurement);
+  void checkMotion(const StereoFrame& frame);
   void beginAnew(const std::string& reason);
   void count(const FrameReport& report);
 
@@ -185,6 +189,7 @@ class SlamSystem {
   SystemCounts counts_;
   NoiseReport noise_;
   ImuCheck imu_check_;
+  MotionCheck motion_check_;
   ImuRate imu_rate_; ///< of the first samples
   Handlers handlers_;
 };

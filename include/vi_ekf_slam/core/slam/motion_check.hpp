@@ -1,0 +1,91 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
+
+namespace vi_ekf_slam {
+
+/// Looks whether gyro and velocity move the body as the pictures do: a transform to the camera that is
+/// inverted, a sensor in another unit, backwards or along other axes makes an estimate that is wrong all
+/// along. Beside the filter, stereo odometry of the pictures alone is compared with each sensor over windows
+/// of a second, until enough of them agree or contradict. Nothing is dropped for it.
+class MotionCheck {
+ public:
+  /// Of a filter that is configured so.
+  explicit MotionCheck(const InvariantConfig& config);
+
+  void setRig(const StereoRig& rig) { rig_ = rig; }
+  // In the order of stamps.
+  void note(const ImuSample& sample);
+  /// Of the IMU's own velocity.
+  void note(const VelocitySample& sample);
+  /// Returns what is wrong, with figure, limit and what to do, the one time that it is found; else empty.
+  std::string note(const StereoFrame& frame);
+  /// What is wrong; empty: nothing, or not known yet.
+  const std::string& problem() const { return problem_; }
+  /// Time, or the estimate, begins anew: what is judged already stays.
+  void restart();
+
+ private:
+  /// Samples of a sensor from one frame to the next.
+  struct Samples {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double variances = 0.0; ///< of those in the sum, all three axes
+    std::size_t count = 0;
+    std::optional<Stamp> last;
+    Eigen::Vector3d newest = Eigen::Vector3d::Zero();
+    // Of the last ones that were taken:
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    double variance = 0.0;
+
+    void add(Stamp stamp, const Eigen::Vector3d& value, double sample_variance);
+    /// False where there is none of now.
+    bool take(Stamp now);
+  };
+  /// A second under way.
+  struct Window {
+    Stamp begin = 0, last = 0;
+    std::unique_ptr<InvariantEstimator> odometry; ///< of the pictures alone
+    SE3 start;                                    ///< its pose at the begin
+    // What is told, in the body's axes at the begin, and of what variance:
+    Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
+    Eigen::Vector3d way = Eigen::Vector3d::Zero(); ///< m
+    double angle = 0.0;                            ///< rad, of all turns, which may be several
+    double turned_variance = 0.0, way_variance = 0.0;
+    bool has_gyro = true, has_velocity = true; ///< all along
+  };
+  /// The motion of a window: told by the sensor, seen by the pictures, both in rad or m.
+  struct Compared {
+    double angle, told, seen, apart;
+  };
+  struct Judged {
+    std::vector<Compared> agreeing, contradicting;
+    bool is_done = false;
+    std::size_t count() const { return agreeing.size() + contradicting.size(); }
+    /// `share` of the motion that they may be apart by; `sigma` of how far they are.
+    void add(const Compared& motion, double share, double sigma);
+    bool contradicts() const;
+    /// Of those that contradict, by how far they are apart.
+    Compared median() const;
+  };
+
+  bool hasWork(Stamp now) const;
+  void begin(const StereoFrame& frame);
+  std::string judge();
+  std::string turnProblem() const;
+  std::string wayProblem() const;
+
+  InvariantConfig config_;
+  std::optional<StereoRig> rig_;
+  Samples gyro_, velocity_;
+  Judged turn_, way_;
+  std::optional<Window> window_; ///< while there is work
+  double worked_s_ = 0.0;
+  std::string problem_;
+};
+
+} // namespace vi_ekf_slam

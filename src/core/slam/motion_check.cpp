@@ -1,0 +1,225 @@
+#include "vi_ekf_slam/core/slam/motion_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+constexpr double kWindow = 1.0;      // s
+constexpr double kFreshSample = 0.5; // s; an older sample says nothing of now
+constexpr double kFrameStep = 0.08;  // s between frames that are looked at
+// Of the features in each frame of a window that has so many: where cars or a lorry fill the picture they are
+// no measure. Fewer are bridged, as far as that is known well enough.
+constexpr std::size_t kFew = 10;
+constexpr double kUsedShare = 0.7;
+// A window counts where the sensor says that it moves by more, so that a bus that passes a car at rest does
+// not, and three standard deviations are less than this share of it. No calibration that is about right, no
+// wheel's slip and no gyro's scale has the two so far apart.
+constexpr double kLeastTurn = 0.1, kLeastWay = 0.3; // rad, m
+// Cars that drive along may fill the picture, by which the vehicle hardly moves then: as far as it may be a
+// car.
+constexpr double kConvoyShare = 0.25, kFastestCar = 60.0; // of what is told, m in 1 s
+constexpr double kTurnShare = 0.5, kWayShare = 0.3;
+constexpr double kSigmasApart = 3.0;
+// Windows of which these shares agree, contradict; what is mixed by then is something else. A fault
+// contradicts in each, traffic in one of six on the worst of 14 drives.
+constexpr std::size_t kEnough = 6, kEnoughToBlame = 10, kMixed = 30;
+constexpr double kAgreeing = 0.8, kContradicting = 0.9;
+constexpr double kLongestLook = 40.0; // s that are looked at, of a vehicle that hardly moves or turns
+constexpr std::size_t kTracked = 20;  // landmarks, for little time
+constexpr double kSameSize = 1.25;    // ratio up to which two motions differ by their direction
+constexpr double kDegrees = 57.3;
+
+InvariantConfig picturesAlone(InvariantConfig config) {
+  config.choice = MotionChoice::kConstantTwist;
+  config.map.keep = MapKeep::kNone;
+  config.recognise_places = PlaceRecognition::kNone;
+  config.max_tracked = kTracked;
+  config.standstill_px = 0.0;
+  config.slip.sigma = 0.0;
+  config.rig.rotation_sigma = config.rig.translation_sigma = Eigen::Vector3d::Zero();
+  config.rig.time_offset_sigma = config.rig.scale_sigma = 0.0;
+  // Whatever its axes are, since the transform may be a wrong one.
+  for (Vector6d* v : {&config.motion.twist_density, &config.motion.prior_twist_sigma}) {
+    v->head<3>().setConstant(v->head<3>().maxCoeff());
+    v->tail<3>().setConstant(v->tail<3>().maxCoeff());
+  }
+  return config;
+}
+
+bool mayBeConvoy(double seen, double told) { return told < kFastestCar && seen < kConvoyShare * told; }
+
+} // namespace
+
+MotionCheck::MotionCheck(const InvariantConfig& config) : config_(picturesAlone(config)) {}
+
+void MotionCheck::Samples::add(Stamp stamp, const Eigen::Vector3d& value, double sample_variance) {
+  newest = value;
+  sum += value;
+  variances += sample_variance;
+  ++count;
+  last = stamp;
+}
+
+bool MotionCheck::Samples::take(Stamp now) {
+  if (count > 0) {
+    const auto n = static_cast<double>(count);
+    mean = sum / n;
+    variance = variances / (n * n);
+    sum.setZero();
+    variances = 0.0;
+    count = 0;
+  }
+  return last && secondsBetween(*last, now) < kFreshSample;
+}
+
+void MotionCheck::Judged::add(const Compared& motion, double share, double sigma) {
+  const double limit = share * std::max(motion.told, motion.seen);
+  if (kSigmasApart * sigma > limit) return;
+  (motion.apart < limit ? agreeing : contradicting).push_back(motion);
+  is_done = count() >= kMixed || contradicts() ||
+            (count() >= kEnough &&
+             static_cast<double>(agreeing.size()) >= kAgreeing * static_cast<double>(count()));
+}
+
+bool MotionCheck::Judged::contradicts() const {
+  return count() >= kEnoughToBlame &&
+         static_cast<double>(contradicting.size()) >= kContradicting * static_cast<double>(count());
+}
+
+MotionCheck::Compared MotionCheck::Judged::median() const {
+  std::vector<Compared> sorted = contradicting;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end(),
+                   [](const Compared& a, const Compared& b) { return a.apart < b.apart; });
+  return *middle;
+}
+
+void MotionCheck::note(const ImuSample& sample) {
+  const double sigma = config_.motion.gyro_sigma;
+  gyro_.add(sample.stamp, sample.angular_velocity,
+            sample.covariance ? sample.covariance->trace() : 3.0 * sigma * sigma);
+}
+
+void MotionCheck::note(const VelocitySample& sample) {
+  const double sigma = config_.motion.velocity_sigma;
+  velocity_.add(sample.stamp, sample.linear_velocity,
+                sample.covariance ? sample.covariance->trace() : 3.0 * sigma * sigma);
+}
+
+void MotionCheck::restart() {
+  window_.reset();
+  gyro_ = velocity_ = {};
+}
+
+/// Whether it moves now by what would count.
+bool MotionCheck::hasWork(Stamp now) const {
+  const auto is_open = [now](const Samples& samples, const Judged& judged, double least) {
+    return !judged.is_done && samples.last && secondsBetween(*samples.last, now) < kFreshSample &&
+           kWindow * samples.newest.norm() > least;
+  };
+  return rig_ && worked_s_ < kLongestLook &&
+         (is_open(gyro_, turn_, kLeastTurn) || is_open(velocity_, way_, kLeastWay));
+}
+
+/// With an odometry of its own, whose covariance is that of the motion since.
+void MotionCheck::begin(const StereoFrame& frame) {
+  gyro_.take(frame.stamp);
+  velocity_.take(frame.stamp);
+  window_ = Window();
+  window_->begin = window_->last = frame.stamp;
+  window_->odometry = std::make_unique<InvariantEstimator>(config_);
+  window_->odometry->setRig(*rig_);
+  window_->odometry->process(frame);
+  window_->start = window_->odometry->state().world_T_imu;
+}
+
+std::string MotionCheck::note(const StereoFrame& frame) {
+  if (!window_) {
+    if (hasWork(frame.stamp)) begin(frame);
+    return {};
+  }
+  Window& w = *window_;
+  const double dt = secondsBetween(w.last, frame.stamp);
+  if (dt < kFrameStep) return {};
+  worked_s_ += dt;
+  const SE3 before = w.start.inverse() * w.odometry->state().world_T_imu;
+  const FrameReport report = w.odometry->process(frame);
+  const std::size_t seen = report.used + report.rejected;
+  const bool is_sound =
+      !report.frame_rejected && report.divergence == Divergence::kNone &&
+      (seen < kFew || static_cast<double>(report.used) >= kUsedShare * static_cast<double>(seen));
+  w.has_gyro = gyro_.take(frame.stamp) && w.has_gyro;
+  w.has_velocity = velocity_.take(frame.stamp) && w.has_velocity;
+  w.turned = w.turned * so3::Exp(dt * gyro_.mean);
+  w.way += dt * (before.rotation() * velocity_.mean);
+  w.angle += dt * gyro_.mean.norm();
+  w.turned_variance += dt * dt * gyro_.variance;
+  w.way_variance += dt * dt * velocity_.variance;
+  w.last = frame.stamp;
+  const bool is_whole = is_sound && dt < kFreshSample;
+  if (is_whole && secondsBetween(w.begin, w.last) < kWindow) return {};
+  std::string said = is_whole ? judge() : std::string();
+  window_.reset();
+  if (hasWork(frame.stamp)) begin(frame);
+  return said;
+}
+
+std::string MotionCheck::judge() {
+  const Window& w = *window_;
+  const StateEstimate state = w.odometry->state();
+  const SE3 seen = w.start.inverse() * state.world_T_imu;
+  const double length = secondsBetween(w.begin, w.last);
+  const auto variance = [&state](Eigen::Index row) {
+    return state.pose_covariance.block<3, 3>(row, row).trace();
+  };
+  std::string said;
+  const auto conclude = [&said](const std::string& problem) {
+    said += (said.empty() || problem.empty() ? "" : "; ") + problem;
+  };
+  const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
+                      so3::Log(w.turned.transpose() * seen.rotation()).norm()};
+  if (!turn_.is_done && w.has_gyro && turn.told > kLeastTurn) {
+    const double bias = length * config_.motion.prior_bias_sigma.tail<3>().norm();
+    turn_.add(turn, kTurnShare, std::sqrt(w.turned_variance + bias * bias + variance(3)));
+    conclude(turnProblem());
+  }
+  const Compared way{0.0, w.way.norm(), seen.translation().norm(), (w.way - seen.translation()).norm()};
+  if (!way_.is_done && w.has_velocity && way.told > kLeastWay && !mayBeConvoy(way.seen, way.told)) {
+    way_.add(way, kWayShare, std::sqrt(w.way_variance + variance(0)));
+    conclude(wayProblem());
+  }
+  if (!said.empty()) problem_ += (problem_.empty() ? "" : "; ") + said;
+  return said;
+}
+
+std::string MotionCheck::turnProblem() const {
+  if (!turn_.contradicts()) return {};
+  const Compared w = turn_.median();
+  std::string hint = "are the gyro's axes those of the transform to the camera, and is that not inverted?";
+  if (w.angle > kDegrees / 3.0 * w.seen) hint = "is the gyro in deg/s? it must be in rad/s";
+  return "the gyro does not turn as the pictures do: in 1 s by " + rounded(w.angle) +
+         " rad, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
+         " rad apart, allowed: " + rounded(kTurnShare * std::max(w.told, w.seen)) + " (median of " +
+         std::to_string(turn_.contradicting.size()) + "); " + hint + " (check_rig.py tells more)";
+}
+
+std::string MotionCheck::wayProblem() const {
+  if (!way_.contradicts()) return {};
+  const Compared w = way_.median();
+  const double ratio = std::max(w.told, w.seen) / std::max(1e-9, std::min(w.told, w.seen));
+  const std::string hint =
+      ratio > kSameSize ? "is the velocity in m/s, and the baseline of camera_info the right one?"
+                        : "is the velocity backwards, or along other axes than its frame_id says, or the "
+                          "transform to the camera inverted?";
+  return "the velocity does not move as the pictures do: in 1 s by " + rounded(w.told) +
+         " m, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
+         " m apart, allowed: " + rounded(kWayShare * std::max(w.told, w.seen)) + " (median of " +
+         std::to_string(way_.contradicting.size()) + "); " + hint + " (check_rig.py tells more)";
+}
+
+} // namespace vi_ekf_slam

@@ -1,0 +1,126 @@
+// Sensors that do not move the body as the pictures do are named, and no others.
+
+#include "road.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
+
+namespace vi_ekf_slam::test {
+namespace {
+
+struct Fault {
+  double gyro = 1.0; ///< times what it measures
+  Eigen::Matrix3d velocity = Eigen::Matrix3d::Identity();
+  StereoRig rig = exampleRig();
+};
+
+Vector6d twistOf(double speed, double yaw_rate) {
+  return (Vector6d() << speed, 0.0, 0.0, 0.0, 0.0, yaw_rate).finished();
+}
+
+/// All that is said in `seconds` of a drive with that twist.
+std::string saidOf(const Fault& fault, const Vector6d& twist, double seconds = 20.0, double frames = 10.0,
+                   int samples = 1) {
+  Road road(3, 40, {0.1, 0.01, 0.5});
+  road.setRates(frames, samples);
+  road.setTwist(twist);
+  MotionCheck check{InvariantConfig()};
+  check.setRig(fault.rig);
+  std::string said;
+  for (int k = 0; k < static_cast<int>(seconds * frames); ++k) {
+    for (int i = 0; i < samples; ++i) {
+      if (i > 0) road.move();
+      ImuSample gyro = road.gyro();
+      gyro.angular_velocity *= fault.gyro;
+      VelocitySample velocity = road.velocity();
+      velocity.linear_velocity = (fault.velocity * velocity.linear_velocity).eval();
+      check.note(gyro);
+      check.note(velocity);
+    }
+    said += check.note(road.frame());
+    road.move();
+  }
+  return said;
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+const std::string kTurn = "the gyro does not turn as the pictures do",
+                  kWay = "the velocity does not move as the pictures do";
+
+const Vector6d kBend = twistOf(8.0, 0.3);
+
+TEST(MotionCheck, SaysNothingOfASoundRig) {
+  EXPECT_EQ(saidOf({}, kBend), "");
+  EXPECT_EQ(saidOf({}, kBend, 10.0, 30.0, 4), "");
+  EXPECT_EQ(saidOf({}, twistOf(8.0, 0.0)), "") << "straight ahead";
+  EXPECT_EQ(saidOf({}, twistOf(0.0, 0.0)), "") << "at rest";
+  EXPECT_EQ(saidOf({}, twistOf(0.0, 0.4)), "") << "on the spot";
+}
+
+TEST(MotionCheck, TakesAnOrdinaryErrorForNone) {
+  Fault off;
+  off.gyro = 1.1;
+  off.velocity = 0.9 * so3::Exp({0.0, 0.1, 0.1});
+  off.rig.cam_T_imu = SE3(so3::Exp({0.05, 0.05, 0.05}), Eigen::Vector3d(0.1, 0.1, 0.1)) * off.rig.cam_T_imu;
+  EXPECT_EQ(saidOf(off, kBend), "");
+}
+
+TEST(MotionCheck, NamesATransformThatIsInverted) {
+  Fault fault;
+  fault.rig.cam_T_imu = fault.rig.cam_T_imu.inverse();
+  const std::string said = saidOf(fault, kBend);
+  EXPECT_TRUE(has(said, kTurn) && has(said, kWay)) << said;
+  EXPECT_TRUE(has(said, "is that not inverted?")) << said;
+}
+
+TEST(MotionCheck, NamesTheGyro) {
+  Fault fault;
+  fault.gyro = -1.0;
+  std::string said = saidOf(fault, kBend);
+  EXPECT_TRUE(has(said, kTurn) && has(said, "are the gyro's axes those of the transform")) << said;
+  EXPECT_FALSE(has(said, kWay)) << said;
+  fault.gyro = 57.3;
+  said = saidOf(fault, kBend);
+  EXPECT_TRUE(has(said, kTurn) && has(said, "is the gyro in deg/s?")) << said;
+}
+
+TEST(MotionCheck, NamesTheVelocityOrTheBaseline) {
+  Fault fault;
+  for (const double scale : {3.6, 0.4}) {
+    fault.velocity = scale * Eigen::Matrix3d::Identity();
+    const std::string said = saidOf(fault, kBend);
+    EXPECT_TRUE(has(said, kWay) && has(said, "is the velocity in m/s")) << said;
+    EXPECT_FALSE(has(said, kTurn)) << said;
+  }
+  for (const double yaw : {3.14, 1.57}) {
+    fault.velocity = so3::Exp({0.0, 0.0, yaw});
+    const std::string said = saidOf(fault, kBend);
+    EXPECT_TRUE(has(said, kWay) && has(said, "is the velocity backwards")) << said;
+  }
+  fault = {};
+  fault.rig.camera.baseline *= 2.0;
+  EXPECT_TRUE(has(saidOf(fault, kBend), kWay));
+}
+
+TEST(MotionCheck, IsPartOfTheSystemAndSaysItOnce) {
+  Config config;
+  SlamSystem system(config);
+  std::vector<std::string> said;
+  system.onProblem([&said](const std::string& text) { said.push_back(text); });
+  system.setRig(exampleRig());
+  Road road(4, 40, {0.1, 0.01, 0.5});
+  road.setTwist(kBend);
+  for (int k = 0; k < 200; ++k) {
+    VelocitySample velocity = road.velocity();
+    velocity.linear_velocity *= -1.0;
+    system.add(road.gyro());
+    system.add(velocity);
+    system.add(road.frame());
+    road.move();
+  }
+  system.flush();
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_TRUE(has(said.front(), kWay)) << said.front();
+  EXPECT_EQ(system.motionCheck().problem(), said.front());
+}
+
+} // namespace
+} // namespace vi_ekf_slam::test
