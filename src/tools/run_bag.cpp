@@ -46,10 +46,10 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
 void printSummary(const RunBagOptions& options, const RunWriter& writer, const RunSummary& summary,
                   std::size_t landmarks) {
   const SystemCounts& c = summary.counts;
-  std::cout << writer.size()
-            << (writer.hasFrames() ? " frames" : " gyro samples (the bag has no stereo frames)") << ", "
-            << landmarks << " landmarks, " << c.features << " features (" << c.features_used << " used, "
-            << c.features_rejected << " rejected, " << c.features_invalid << " invalid)\n";
+  const char* what = writer.hasFrames() ? " frames" : " gyro samples (the bag has no stereo frames)";
+  std::cout << writer.size() << (writer.empty() ? " poses" : what) << ", " << landmarks << " landmarks, "
+            << c.features << " features (" << c.features_used << " used, " << c.features_rejected
+            << " rejected, " << c.features_invalid << " invalid)\n";
   for (const auto& [reason, count] : summary.turned_away)
     std::cout << "turned away: " << reason << ": " << count << "\n";
   for (std::size_t i = 0; i < kStreamCount; ++i) {

@@ -32,7 +32,8 @@ constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 // Of the first step, what is wrong with it by being of any length, with points seen once: not linear. A car's
 // is 4 % too long.
 constexpr double kFirstStep = 0.05;
-constexpr char kAxes[] = "are the IMU's axes those of the transform to the camera?)";
+constexpr char kAxes[] =
+    "are the IMU's axes those of the transform to the camera, and is the baseline right?)";
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {

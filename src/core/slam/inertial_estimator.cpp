@@ -131,7 +131,8 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
   if (given_) return FrameReport(frame);
   const FrameReport report = alignment_->process(frame);
   // Else the IMU's samples before it may be on their way.
-  if (fromSeconds(frame.time_offset) == fromSeconds(alignment_->timeOffset())) problem_ = tryToStart(frame.stamp);
+  if (fromSeconds(frame.time_offset) == fromSeconds(alignment_->timeOffset()))
+    problem_ = tryToStart(frame.stamp);
   return report;
 }
 
@@ -165,7 +166,8 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
     const double tilt = std::atan2(up.cross(aligned.up).norm(), up.dot(aligned.up));
     if (tilt > kLargestTilt)
       contradiction_ = "gravity is " + rounded(tilt) +
-                       " rad off the map's vertical (a state that is given must have the z axis upwards)";
+                       " rad off the map's vertical (a state that is given must have the z axis upwards; "
+                       "else: is the calibration of the pair right?)";
   }
 }
 

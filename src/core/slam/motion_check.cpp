@@ -100,6 +100,8 @@ MotionCheck::Compared MotionCheck::Judged::median() const {
 }
 
 void MotionCheck::note(const ImuSample& sample) {
+  bias_sigma_ = sample.acceleration ? std::sqrt(3.0) * config_.inertial.gyro_bias_sigma
+                                    : config_.motion.prior_bias_sigma.tail<3>().norm();
   const double sigma = config_.motion.gyro_sigma;
   gyro_.add(sample.stamp, sample.angular_velocity,
             sample.covariance ? sample.covariance->trace() : 3.0 * sigma * sigma);
@@ -184,7 +186,7 @@ std::string MotionCheck::judge() {
   const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
                       so3::Log(w.turned.transpose() * seen.rotation()).norm()};
   if (!turn_.is_done && w.has_gyro && turn.told > kLeastTurn) {
-    const double bias = length * config_.motion.prior_bias_sigma.tail<3>().norm();
+    const double bias = length * bias_sigma_;
     turn_.add(turn, kTurnShare, std::sqrt(w.turned_variance + bias * bias + variance(3)));
     conclude(turnProblem());
   }

@@ -285,7 +285,8 @@ void SlamSystem::process(const Measurement& measurement) {
   if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
     imu_check_.note(*gyro, motion_ == MotionChoice::kInertial);
     lever_arm_.note(*gyro);
-    if (motion_ != MotionChoice::kInertial) motion_check_.note(*gyro); // whose start tells
+    // An inertial estimate that has started has compared the two.
+    if (motion_ != MotionChoice::kInertial || !estimator_->hasStarted()) motion_check_.note(*gyro);
     estimator_->process(*gyro);
     if (!estimator_->hasStarted()) return;
     const StateEstimate state = estimator_->state();
@@ -328,8 +329,7 @@ void SlamSystem::checkMotion(const StereoFrame& frame) {
 /// what it is a derivative of.
 void SlamSystem::updateDeadReckoning(const Measurement& measurement, const StateEstimate& state) {
   const bool is_inertial = motion_ == MotionChoice::kInertial;
-  if (!dead_reckoning_.stamp())
-    dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
+  if (!dead_reckoning_.stamp()) dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
   if (!is_inertial && counts_.processed[static_cast<std::size_t>(Stream::kVelocity)] > 0) {
     if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
     if (const auto* velocity = std::get_if<VelocitySample>(&measurement))

@@ -100,6 +100,25 @@ TEST(MotionCheck, NamesTheVelocityOrTheBaseline) {
   EXPECT_TRUE(has(saidOf(fault, kBend), kWay));
 }
 
+// One that has an accelerometer may have a larger bias.
+TEST(MotionCheck, AllowsForTheBiasOfAnInertialUnit) {
+  for (const bool is_inertial : {false, true}) {
+    Road road(5, 40, {0.1, 0.01, 0.5});
+    road.setTwist(twistOf(8.0, 0.2));
+    road.setGyroBias({0.0, 0.15, 0.0});
+    MotionCheck check{InvariantConfig()};
+    check.setRig(exampleRig());
+    for (int k = 0; k < 200; ++k) {
+      ImuSample gyro = road.gyro();
+      if (is_inertial) gyro.acceleration = Eigen::Vector3d(0.0, 0.0, 9.81);
+      check.note(gyro);
+      check.note(road.frame());
+      road.move();
+    }
+    EXPECT_EQ(has(check.problem(), kTurn), !is_inertial) << check.problem();
+  }
+}
+
 TEST(MotionCheck, IsPartOfTheSystemAndSaysItOnce) {
   Config config;
   SlamSystem system(config);

@@ -84,6 +84,7 @@ class MotionCheck {
   Samples gyro_, velocity_;
   Judged turn_, way_;
   std::optional<Window> window_; ///< while there is work
+  double bias_sigma_ = 0.0; ///< rad/s, of the gyro, all three axes
   double worked_s_ = 0.0;
   std::string problem_;
 };
