@@ -1,4 +1,5 @@
 /// Offline runner: a bag in, files out. See kRunBagHelp.
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -18,6 +19,7 @@
 #include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/run/rig_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {
@@ -26,6 +28,8 @@ namespace {
 constexpr int kOk = 0;
 constexpr int kUsage = 1;
 constexpr int kInput = 2;
+
+constexpr std::array<const char*, kStreamCount> kStreamNames = {"gyro", "velocity", "stereo"};
 
 volatile std::sig_atomic_t g_stop = 0;
 
@@ -40,6 +44,16 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   if (const std::string start = system.estimator().startProblem(); !start.empty())
     return "no pose: the estimator did not start: " + start;
   if (writer.empty()) return "no message gave a pose";
+  const SystemCounts& counts = system.counts();
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    if (counts.late[i] <= counts.processed[i]) continue;
+    return std::string(kStreamNames[i]) + ": " + std::to_string(counts.late[i]) + " of " +
+           std::to_string(counts.late[i] + counts.processed[i]) +
+           " messages were dropped: they come more than " + rounded(system.config().buffer.max_delay_s) +
+           " s (buffer/max_delay_s) later after their stamps than another stream; are all stamps of one "
+           "clock? "
+           "(check_rig.py tells more)";
+  }
   return {};
 }
 
@@ -53,9 +67,8 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
   for (const auto& [reason, count] : summary.turned_away)
     std::cout << "turned away: " << reason << ": " << count << "\n";
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    static constexpr const char* kNames[] = {"gyro", "velocity", "stereo"};
     if (c.late[i] + c.duplicate[i] + c.invalid[i] == 0) continue;
-    std::cout << kNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
+    std::cout << kStreamNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
               << c.invalid[i] << " invalid\n";
   }
   if (c.resets > 0) std::cout << c.resets << " resets, as told above\n";
