@@ -58,11 +58,16 @@ bool mayBeConvoy(double seen, double told) { return told < kFastestCar && seen <
 MotionCheck::MotionCheck(const InvariantConfig& config) : config_(picturesAlone(config)) {}
 
 void MotionCheck::Samples::add(Stamp stamp, const Eigen::Vector3d& value, double sample_variance) {
+  is_stuck = is_stuck && (!last || value == newest);
   newest = value;
   sum += value;
   variances += sample_variance;
   ++count;
   last = stamp;
+}
+
+bool MotionCheck::Samples::isFresh(Stamp now) const {
+  return last && secondsBetween(*last, now) < kFreshSample;
 }
 
 bool MotionCheck::Samples::take(Stamp now) {
@@ -74,7 +79,7 @@ bool MotionCheck::Samples::take(Stamp now) {
     variances = 0.0;
     count = 0;
   }
-  return last && secondsBetween(*last, now) < kFreshSample;
+  return isFresh(now);
 }
 
 void MotionCheck::Judged::add(const Compared& motion, double share, double sigma) {
@@ -118,14 +123,13 @@ void MotionCheck::restart() {
   gyro_ = velocity_ = {};
 }
 
-/// Whether it moves now by what would count.
+/// Whether it moves now by what would count; of a sensor that is stuck the other one tells.
 bool MotionCheck::hasWork(Stamp now) const {
-  const auto is_open = [now](const Samples& samples, const Judged& judged, double least) {
-    return !judged.is_done && samples.last && secondsBetween(*samples.last, now) < kFreshSample &&
-           kWindow * samples.newest.norm() > least;
-  };
-  return rig_ && worked_s_ < kLongestLook &&
-         (is_open(gyro_, turn_, kLeastTurn) || is_open(velocity_, way_, kLeastWay));
+  if (!rig_ || worked_s_ >= kLongestLook) return false;
+  const bool turns = gyro_.isFresh(now) && kWindow * gyro_.newest.norm() > kLeastTurn;
+  const bool travels = velocity_.isFresh(now) && kWindow * velocity_.newest.norm() > kLeastWay;
+  return (!turn_.is_done && gyro_.isFresh(now) && (turns || (gyro_.is_stuck && travels))) ||
+         (!way_.is_done && velocity_.isFresh(now) && (travels || (velocity_.is_stuck && turns)));
 }
 
 /// With an odometry of its own, whose covariance is that of the motion since.
@@ -185,13 +189,18 @@ std::string MotionCheck::judge() {
   };
   const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
                       so3::Log(w.turned.transpose() * seen.rotation()).norm()};
-  if (!turn_.is_done && w.has_gyro && turn.told > kLeastTurn) {
+  const bool turns = w.has_gyro && turn.told > kLeastTurn;
+  if (!turn_.is_done && (turns || (w.has_gyro && gyro_.is_stuck && turn.seen > kLeastTurn))) {
     const double bias = length * bias_sigma_;
     turn_.add(turn, kTurnShare, std::sqrt(w.turned_variance + bias * bias + variance(3)));
     conclude(turnProblem());
   }
   const Compared way{0.0, w.way.norm(), seen.translation().norm(), (w.way - seen.translation()).norm()};
-  if (!way_.is_done && w.has_velocity && way.told > kLeastWay && !mayBeConvoy(way.seen, way.told)) {
+  const bool travels = way.told > kLeastWay && !mayBeConvoy(way.seen, way.told);
+  // At rest a bus may pass. What turns as the pictures do is not at rest.
+  const bool is_stuck =
+      velocity_.is_stuck && way.seen > kLeastWay && turns && turn.apart < kTurnShare * turn.told;
+  if (!way_.is_done && w.has_velocity && (travels || is_stuck)) {
     way_.add(way, kWayShare, std::sqrt(w.way_variance + variance(0)));
     conclude(wayProblem());
   }
@@ -203,6 +212,7 @@ std::string MotionCheck::turnProblem() const {
   if (!turn_.contradicts()) return {};
   const Compared w = turn_.median();
   std::string hint = "are the gyro's axes those of the transform to the camera, and is that not inverted?";
+  if (gyro_.is_stuck) hint = "is it connected? all its samples are the same";
   if (w.angle > kDegrees / 3.0 * w.seen) hint = "is the gyro in deg/s? it must be in rad/s";
   return "the gyro does not turn as the pictures do: in 1 s by " + rounded(w.angle) +
          " rad, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
@@ -214,10 +224,11 @@ std::string MotionCheck::wayProblem() const {
   if (!way_.contradicts()) return {};
   const Compared w = way_.median();
   const double ratio = std::max(w.told, w.seen) / std::max(1e-9, std::min(w.told, w.seen));
-  const std::string hint =
-      ratio > kSameSize ? "is the velocity in m/s, and the baseline of camera_info the right one?"
-                        : "is the velocity backwards, or along other axes than its frame_id says, or the "
-                          "transform to the camera inverted?";
+  std::string hint =
+      "is the velocity backwards, or along other axes than its frame_id says, or the transform to the "
+      "camera inverted?";
+  if (ratio > kSameSize) hint = "is the velocity in m/s, and the baseline of camera_info the right one?";
+  if (velocity_.is_stuck) hint = "is its sensor connected? all its samples are the same";
   return "the velocity does not move as the pictures do: in 1 s by " + rounded(w.told) +
          " m, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
          " m apart, allowed: " + rounded(kWayShare * std::max(w.told, w.seen)) + " (median of " +

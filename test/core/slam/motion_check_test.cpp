@@ -82,6 +82,20 @@ TEST(MotionCheck, NamesTheGyro) {
   EXPECT_TRUE(has(said, kTurn) && has(said, "is the gyro in deg/s?")) << said;
 }
 
+TEST(MotionCheck, NamesASensorThatIsStuck) {
+  Fault fault;
+  fault.gyro = 0.0;
+  std::string said = saidOf(fault, kBend);
+  EXPECT_TRUE(has(said, kTurn) && has(said, "is it connected? all its samples are the same")) << said;
+  EXPECT_FALSE(has(said, kWay)) << said;
+  fault = {};
+  fault.velocity.setZero();
+  said = saidOf(fault, kBend);
+  EXPECT_TRUE(has(said, kWay) && has(said, "is its sensor connected?")) << said;
+  EXPECT_FALSE(has(said, kTurn)) << said;
+  EXPECT_EQ(saidOf(fault, twistOf(0.0, 0.4)), "") << "on the spot";
+}
+
 TEST(MotionCheck, NamesTheVelocityOrTheBaseline) {
   Fault fault;
   for (const double scale : {3.6, 0.4}) {

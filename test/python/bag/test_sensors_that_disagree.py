@@ -7,6 +7,7 @@ import pytest
 import rosbag
 import rospy
 from conftest import HANG_S, program
+from geometry_msgs.msg import Vector3
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.simulation.simulator import main as simulate
@@ -48,6 +49,11 @@ def in_degrees(topic, message):
             setattr(message.angular_velocity, axis, 57.3 * getattr(message.angular_velocity, axis))
 
 
+def without_turns(topic, message):
+    if topic == "/imu":
+        message.angular_velocity = Vector3()
+
+
 def inverted(topic, message):
     if topic == "/tf_static":
         for transform in message.transforms:
@@ -63,6 +69,7 @@ def on_another_clock(topic, message):
     (as_it_is, 0, []),
     (backwards, 0, ["the velocity does not move as the pictures do", "is the velocity backwards"]),
     (in_degrees, 0, ["the gyro does not turn as the pictures do", "is the gyro in deg/s?"]),
+    (without_turns, 0, ["the gyro does not turn as the pictures do", "is it connected?"]),
     (inverted, 0, ["the gyro does not turn", "the velocity does not move", "is that not inverted?"]),
     (on_another_clock, 2, ["messages were dropped", "0.2 s (buffer/max_delay_s)", "of one clock?"]),
 ])

@@ -38,11 +38,14 @@ class MotionCheck {
     std::size_t count = 0;
     std::optional<Stamp> last;
     Eigen::Vector3d newest = Eigen::Vector3d::Zero();
+    bool is_stuck = true; ///< all have been the same number
     // Of the last ones that were taken:
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     double variance = 0.0;
 
     void add(Stamp stamp, const Eigen::Vector3d& value, double sample_variance);
+    /// Whether there is one of now.
+    bool isFresh(Stamp now) const;
     /// False where there is none of now.
     bool take(Stamp now);
   };
@@ -84,7 +87,7 @@ class MotionCheck {
   Samples gyro_, velocity_;
   Judged turn_, way_;
   std::optional<Window> window_; ///< while there is work
-  double bias_sigma_ = 0.0; ///< rad/s, of the gyro, all three axes
+  double bias_sigma_ = 0.0;      ///< rad/s, of the gyro, all three axes
   double worked_s_ = 0.0;
   std::string problem_;
 };
