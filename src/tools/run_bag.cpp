@@ -51,8 +51,7 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
            std::to_string(counts.late[i] + counts.processed[i]) +
            " messages were dropped: they come more than " + rounded(system.config().buffer.max_delay_s) +
            " s (buffer/max_delay_s) later after their stamps than another stream; are all stamps of one "
-           "clock? "
-           "(check_rig.py tells more)";
+           "clock? (check_rig.py tells more)";
   }
   return {};
 }

@@ -32,8 +32,6 @@ constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 // Of the first step, what is wrong with it by being of any length, with points seen once: not linear. A car's
 // is 4 % too long.
 constexpr double kFirstStep = 0.05;
-constexpr char kAxes[] =
-    "are the IMU's axes those of the transform to the camera, and is the baseline right?)";
 
 /// The body as the pictures have it, its position known as they have it.
 SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
@@ -44,7 +42,7 @@ SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
 InvariantConfig odometryConfig(InvariantConfig config) {
   config.choice = MotionChoice::kConstantTwist;
   config.map.keep = MapKeep::kNone;
-  config.slip = {0.0, 0.0, 1.0}; // which over so short a way is a scale that nothing else tells
+  config.slip.sigma = 0.0; // which over so short a way is a scale that nothing else tells
   config.motion.twist_density << 5.0, 5.0, 5.0, 5.0, 5.0, 5.0;
   config.motion.prior_bias_sigma.tail<3>().setConstant(config.inertial.gyro_bias_sigma);
   return config;

@@ -183,8 +183,8 @@ std::string InertialEstimator::tryToStart(Stamp now) {
   if (learnClock(*filter)) return "begins anew with the pictures' clock that was found";
   if (!follows) {
     suspect_at_ = now;
-    return "the accelerometer contradicts the pictures once the filter begins (are the IMU's axes those of "
-           "the transform to the camera?)";
+    return std::string("the accelerometer contradicts the pictures once the filter begins (") +
+           InertialAlignment::kAxes;
   }
   filter->moveOriginHere();
   if (map_) filter->relocaliseIn(map_); // not before: the origin is here until its place in the map is found

@@ -82,13 +82,15 @@ bool MotionCheck::Samples::take(Stamp now) {
   return isFresh(now);
 }
 
-void MotionCheck::Judged::add(const Compared& motion, double share, double sigma) {
-  const double limit = share * std::max(motion.told, motion.seen);
-  if (kSigmasApart * sigma > limit) return;
-  (motion.apart < limit ? agreeing : contradicting).push_back(motion);
+void MotionCheck::Judged::add(const Compared& motion, double sigma) {
+  if (kSigmasApart * sigma > motion.allowed()) return;
+  if (motion.apart < motion.allowed())
+    ++agreeing;
+  else
+    contradicting.push_back(motion);
+  const auto all = static_cast<double>(count());
   is_done = count() >= kMixed || contradicts() ||
-            (count() >= kEnough &&
-             static_cast<double>(agreeing.size()) >= kAgreeing * static_cast<double>(count()));
+            (count() >= kEnough && static_cast<double>(agreeing) >= kAgreeing * all);
 }
 
 bool MotionCheck::Judged::contradicts() const {
@@ -188,20 +190,21 @@ std::string MotionCheck::judge() {
     said += (said.empty() || problem.empty() ? "" : "; ") + problem;
   };
   const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
-                      so3::Log(w.turned.transpose() * seen.rotation()).norm()};
+                      so3::Log(w.turned.transpose() * seen.rotation()).norm(), kTurnShare};
   const bool turns = w.has_gyro && turn.told > kLeastTurn;
   if (!turn_.is_done && (turns || (w.has_gyro && gyro_.is_stuck && turn.seen > kLeastTurn))) {
     const double bias = length * bias_sigma_;
-    turn_.add(turn, kTurnShare, std::sqrt(w.turned_variance + bias * bias + variance(3)));
+    turn_.add(turn, std::sqrt(w.turned_variance + bias * bias + variance(3)));
     conclude(turnProblem());
   }
-  const Compared way{0.0, w.way.norm(), seen.translation().norm(), (w.way - seen.translation()).norm()};
+  const Compared way{w.way.norm(), w.way.norm(), seen.translation().norm(),
+                     (w.way - seen.translation()).norm(), kWayShare};
   const bool travels = way.told > kLeastWay && !mayBeConvoy(way.seen, way.told);
   // At rest a bus may pass. What turns as the pictures do is not at rest.
   const bool is_stuck =
       velocity_.is_stuck && way.seen > kLeastWay && turns && turn.apart < kTurnShare * turn.told;
   if (!way_.is_done && w.has_velocity && (travels || is_stuck)) {
-    way_.add(way, kWayShare, std::sqrt(w.way_variance + variance(0)));
+    way_.add(way, std::sqrt(w.way_variance + variance(0)));
     conclude(wayProblem());
   }
   if (!said.empty()) problem_ += (problem_.empty() ? "" : "; ") + said;
@@ -210,29 +213,33 @@ std::string MotionCheck::judge() {
 
 std::string MotionCheck::turnProblem() const {
   if (!turn_.contradicts()) return {};
-  const Compared w = turn_.median();
+  const Compared m = turn_.median();
   std::string hint = "are the gyro's axes those of the transform to the camera, and is that not inverted?";
   if (gyro_.is_stuck) hint = "is it connected? all its samples are the same";
-  if (w.angle > kDegrees / 3.0 * w.seen) hint = "is the gyro in deg/s? it must be in rad/s";
-  return "the gyro does not turn as the pictures do: in 1 s by " + rounded(w.angle) +
-         " rad, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
-         " rad apart, allowed: " + rounded(kTurnShare * std::max(w.told, w.seen)) + " (median of " +
-         std::to_string(turn_.contradicting.size()) + "); " + hint + " (check_rig.py tells more)";
+  if (m.whole > kDegrees / 3.0 * m.seen) hint = "is the gyro in deg/s? it must be in rad/s";
+  return "the gyro does not turn" + asThePicturesDo(turn_, " rad", hint);
 }
 
 std::string MotionCheck::wayProblem() const {
   if (!way_.contradicts()) return {};
-  const Compared w = way_.median();
-  const double ratio = std::max(w.told, w.seen) / std::max(1e-9, std::min(w.told, w.seen));
+  const Compared m = way_.median();
+  const double ratio = std::max(m.told, m.seen) / std::max(1e-9, std::min(m.told, m.seen));
   std::string hint =
       "is the velocity backwards, or along other axes than its frame_id says, or the transform to the "
       "camera inverted?";
   if (ratio > kSameSize) hint = "is the velocity in m/s, and the baseline of camera_info the right one?";
   if (velocity_.is_stuck) hint = "is its sensor connected? all its samples are the same";
-  return "the velocity does not move as the pictures do: in 1 s by " + rounded(w.told) +
-         " m, the pictures by " + rounded(w.seen) + ", " + rounded(w.apart) +
-         " m apart, allowed: " + rounded(kWayShare * std::max(w.told, w.seen)) + " (median of " +
-         std::to_string(way_.contradicting.size()) + "); " + hint + " (check_rig.py tells more)";
+  return "the velocity does not move" + asThePicturesDo(way_, " m", hint);
+}
+
+/// The rest of what is said.
+std::string MotionCheck::asThePicturesDo(const Judged& judged, const std::string& unit,
+                                         const std::string& hint) {
+  const Compared m = judged.median();
+  return " as the pictures do: in 1 s by " + rounded(m.whole) + unit + ", the pictures by " +
+         rounded(m.seen) + ", " + rounded(m.apart) + unit + " apart, allowed: " + rounded(m.allowed()) +
+         " (median of " + std::to_string(judged.contradicting.size()) + "); " + hint +
+         " (check_rig.py tells more)";
 }
 
 } // namespace vi_ekf_slam

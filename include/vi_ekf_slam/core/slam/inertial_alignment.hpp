@@ -14,6 +14,10 @@ namespace vi_ekf_slam {
 /// and a linear fit what gravity, velocity and the biases were (fitGravity).
 class InertialAlignment {
  public:
+  /// What to look at where IMU and pictures contradict each other; it ends a parenthesis.
+  static constexpr char kAxes[] =
+      "are the IMU's axes those of the transform to the camera, and is the baseline right?)";
+
   explicit InertialAlignment(const InvariantConfig& config);
 
   void setRig(const StereoRig& rig);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,16 +62,19 @@ class MotionCheck {
     double turned_variance = 0.0, way_variance = 0.0;
     bool has_gyro = true, has_velocity = true; ///< all along
   };
-  /// The motion of a window: told by the sensor, seen by the pictures, both in rad or m.
+  /// The motion of a window, in rad or m: told by the sensor, as a whole and from its begin to its end, seen
+  /// by the pictures, how far these two are apart, and by which share of the motion they may be.
   struct Compared {
-    double angle, told, seen, apart;
+    double whole, told, seen, apart, share;
+    double allowed() const { return share * std::max(told, seen); }
   };
   struct Judged {
-    std::vector<Compared> agreeing, contradicting;
+    std::size_t agreeing = 0;
+    std::vector<Compared> contradicting;
     bool is_done = false;
-    std::size_t count() const { return agreeing.size() + contradicting.size(); }
-    /// `share` of the motion that they may be apart by; `sigma` of how far they are.
-    void add(const Compared& motion, double share, double sigma);
+    std::size_t count() const { return agreeing + contradicting.size(); }
+    /// `sigma` of how far they are apart.
+    void add(const Compared& motion, double sigma);
     bool contradicts() const;
     /// Of those that contradict, by how far they are apart.
     Compared median() const;
@@ -81,6 +85,7 @@ class MotionCheck {
   std::string judge();
   std::string turnProblem() const;
   std::string wayProblem() const;
+  static std::string asThePicturesDo(const Judged& judged, const std::string& unit, const std::string& hint);
 
   InvariantConfig config_;
   std::optional<StereoRig> rig_;
