@@ -1,0 +1,61 @@
+"""What run_bag says of bags whose sensors do not belong together, of a simulated drive that is changed afterwards."""
+
+import os
+import subprocess
+
+import breaking
+import genpy
+import pytest
+import rigs
+import rosbag
+from conftest import HANG_S, program
+
+from vi_ekf_slam.bag.converter import main as convert
+from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.simulation.simulator import main as simulate
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    """A bag: longer than the rigs of rigs.py, since ten seconds of motion must contradict."""
+    folder = tmp_path_factory.mktemp("sound")
+    npz, bag = str(folder / "drive.npz"), str(folder / "drive.bag")
+    assert simulate([npz, "--quiet", "--seed", "2", "--duration", "30", "--block-length", "60", "--block-width", "40"]) == 0
+    assert convert([npz, bag, "--quiet"]) == 0
+    return bag
+
+
+def told_of(sound, folder, change):
+    """(exit status, what is said on standard error, names of the files written) of run_bag on the bag as `change` makes it."""
+    with rosbag.Bag(sound) as bag:
+        entries = [[topic, received, message] for topic, message, received in bag.read_messages()]
+    changed, output = rigs.write(str(folder / "changed.bag"), change(entries)), str(folder / "run")
+    done = subprocess.run([program("run_bag"), changed, "--output", output, "--quiet"], stdout=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, check=False)
+    return done.returncode, done.stderr, os.listdir(output)
+
+
+def imu_ahead(entries):
+    for _, _, message in rigs.of(entries, "/imu"):
+        message.header.stamp += genpy.Duration.from_sec(0.5)
+    return entries
+
+
+@pytest.mark.parametrize("change, status, words", [
+    (lambda entries: entries, 0, []),
+    (breaking.backwards, 0, ["the velocity does not move as the pictures do", "is the velocity backwards"]),
+    (lambda entries: breaking.gyro(entries, lambda w: 57.3 * w), 0,
+     ["the gyro does not turn as the pictures do", "is the gyro in deg/s?"]),
+    (lambda entries: breaking.gyro(entries, lambda w: 0.0 * w), 0,
+     ["the gyro does not turn as the pictures do", "is it connected?"]),
+    (lambda entries: breaking.extrinsic(entries, inverse(breaking.imu_T_left(entries))), 0,
+     ["the gyro does not turn", "the velocity does not move", "is that not inverted?"]),
+    (imu_ahead, 2, ["messages were dropped", "0.2 s (buffer/max_delay_s)", "of one clock?"]),
+])
+def test_sensors_that_disagree_are_named(sound, tmp_path, change, status, words):
+    code, said, written = told_of(sound, tmp_path, change)
+    assert code == status, said
+    assert bool(said) == bool(words), said
+    for word in words:
+        assert word in said
+    assert "trajectory.tum" in written  # what was computed is there
