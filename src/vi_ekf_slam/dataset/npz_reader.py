@@ -30,8 +30,8 @@ class NpzReader:
         self.path = path
         self._budget = int(max_memory_mb * 1024 * 1024)
         self._max_memory_mb = max_memory_mb
-        if os.path.isdir(path):
-            raise InputError("%s: is a directory, allowed: an .npz file" % path)
+        if os.path.exists(path) and not os.path.isfile(path):  # zipfile reads a device without end to the last of the memory
+            raise InputError("%s: is %s, allowed: an .npz file" % (path, "a directory" if os.path.isdir(path) else "no regular file"))
         try:
             self._archive = zipfile.ZipFile(path)
             self._members = {}

@@ -10,6 +10,7 @@ from vi_ekf_slam.common.geometry import (make_transform, nearest_rotation, quate
                                          rotation_to_quaternion)
 
 KITTI_COLUMNS, TUM_COLUMNS = 12, 8
+LONGEST_LINE = 1 << 16  # characters
 ROTATION_TOLERANCE = 1e-3  # largest entry of |R^T R - I| and of | |q| - 1 |; KITTI's text keeps six digits
 
 
@@ -58,7 +59,10 @@ def _read_rows(path):
     rows, lines = [], []
     try:
         with open(path, encoding="ascii") as stream:
-            for number, line in enumerate(stream, start=1):
+            for number, line in enumerate(iter(lambda: stream.readline(LONGEST_LINE), ""), start=1):
+                if len(line) == LONGEST_LINE:
+                    raise InputError("%s: line %d is longer than %d characters, allowed: 12 (KITTI) or 8 (TUM) numbers"
+                                     % (path, number, LONGEST_LINE))
                 words = line.split()
                 if not words or words[0].startswith("#"):
                     continue
