@@ -3,11 +3,15 @@
 Files have names of their own across the folders, which are no packages.
 """
 
+import contextlib
 import io
 import json
 import os
+import runpy
 import subprocess
 import sys
+import traceback
+from collections import namedtuple
 
 import numpy as np
 import pytest
@@ -33,17 +37,41 @@ def data_file(name):
     return path
 
 
-@pytest.fixture
-def script():
-    """Runs one of the package's scripts as a process of its own; returns the finished process."""
-    def run(name, *arguments):
-        return subprocess.run([sys.executable, script_path(name)] + [str(a) for a in arguments],
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
-    return run
+Ended = namedtuple("Ended", "returncode stdout stderr")
+
+
+def script(name, *arguments):
+    """Run one of the package's scripts to its end; an Ended. Within this interpreter, since most of its time as a process would
+    go into imports; test_rosrun.py starts each as a process."""
+    argv, out, err = sys.argv, io.StringIO(), io.StringIO()
+    sys.argv = [script_path(name)] + [str(a) for a in arguments]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            code = _run(sys.argv[0])
+    finally:
+        sys.argv = argv
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+def _run(path):
+    try:
+        runpy.run_path(path, run_name="__main__")
+    except SystemExit as end:
+        return end.code or 0
+    except Exception:
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+def process(name, *arguments, environment=None):
+    """The same as a process of its own, the finished subprocess: where its environment or what it imports matters."""
+    return subprocess.run([sys.executable, script_path(name)] + [str(a) for a in arguments], env=environment,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
 
 
 @pytest.fixture
-def evaluated(script):
+def evaluated():
     """Runs run_bag on a bag and evaluate.py on what comes out; returns what evaluation.json holds. `truth`: options of evaluate.py,
     of the bag unless told otherwise."""
     def run(bag, output, *options, truth=None):

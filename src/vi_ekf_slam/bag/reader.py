@@ -1,5 +1,8 @@
 """What an evaluation needs from a bag: frame stamps, the extrinsic and the recorded ground truth."""
 
+import struct
+
+import genpy
 import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
@@ -27,18 +30,26 @@ def read_reference(path):
     stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
     with open_bag(path) as bag:
         require_bounded_chunks(bag, path)
-        topics = [FEATURES, INFO, "/imu", "/tf_static", "/ground_truth/path"]
-        for topic, message, _ in bag.read_messages(topics):
+        for topic, message, _ in bag.read_messages(["/tf_static", "/ground_truth/path"]):
             if topic == "/tf_static":
                 transforms.extend(message.transforms)
-            elif topic == "/ground_truth/path":
-                truth = _read_path(message)
             else:
-                frames.setdefault(topic, message.header.frame_id)
-                if topic in stamps:
-                    stamps[topic].append(message.header.stamp.to_sec())
+                truth = _read_path(message)
+        for topic, (_, data, _, _, kind), _ in bag.read_messages([FEATURES, INFO, "/imu"], raw=True):
+            stamp, frame = _read_header(data, kind)
+            frames.setdefault(topic, frame)
+            if topic in stamps:
+                stamps[topic].append(stamp)
     camera = FEATURES if stamps[FEATURES] else INFO
     return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
+
+
+def _read_header(data, kind):
+    """(stamp in s, frame) of a message that begins with a std_msgs/Header; the rest, mostly features, would take long to unpack."""
+    if not kind._has_header:
+        raise ValueError("%s has no header" % kind._type)
+    _, seconds, nanoseconds, length = struct.unpack_from("<4I", data)
+    return genpy.Time(seconds, nanoseconds).to_sec(), data[16:16 + length].decode()
 
 
 def _read_path(message):

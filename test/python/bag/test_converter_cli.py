@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from conftest import drive
+from conftest import drive, script
 
 
 def refused(process, *words):
@@ -16,7 +16,7 @@ def refused(process, *words):
     assert process.stdout == ""
 
 
-def test_success_reports_what_was_repaired(script, save, tmp_path):
+def test_success_reports_what_was_repaired(save, tmp_path):
     features = drive()["features"]
     features[:, :, 6] = features[:, :, 5]
     features[1, 7, 2] = -1.0
@@ -28,12 +28,12 @@ def test_success_reports_what_was_repaired(script, save, tmp_path):
     assert "42 messages" in result.stdout
 
 
-def test_quiet_says_nothing(script, save, tmp_path):
+def test_quiet_says_nothing(save, tmp_path):
     result = script("dataset_to_bag.py", save(drive()), tmp_path / "out.bag", "--quiet")
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
-def test_a_malformed_drive(script, save, tmp_path):
+def test_a_malformed_drive(save, tmp_path):
     source = save(drive(features=None))
     refused(script("dataset_to_bag.py", source, tmp_path / "out.bag"), source, "features", "dead reckoning")
     assert os.listdir(str(tmp_path)) == ["drive.npz"]
@@ -42,11 +42,11 @@ def test_a_malformed_drive(script, save, tmp_path):
 @pytest.mark.parametrize("option, value", [
     ("--gyro-sigma", "0"), ("--gyro-sigma", "-1"), ("--velocity-sigma", "nan"), ("--velocity-sigma", "inf"),
     ("--max-memory-mb", "0")])
-def test_options_out_of_range(script, save, tmp_path, option, value):
+def test_options_out_of_range(save, tmp_path, option, value):
     refused(script("dataset_to_bag.py", save(drive()), tmp_path / "out.bag", option, value), option, value, "above 0")
 
 
-def test_outputs_that_cannot_be(script, save, tmp_path):
+def test_outputs_that_cannot_be(save, tmp_path):
     source = save(drive())
     folder = tmp_path / "none"
     refused(script("dataset_to_bag.py", source, folder / "out.bag"), folder, "does not exist")
@@ -58,7 +58,7 @@ def test_outputs_that_cannot_be(script, save, tmp_path):
     refused(script("dataset_to_bag.py", source), "OUT.bag is missing")
 
 
-def test_info_writes_nothing(script, save, tmp_path):
+def test_info_writes_nothing(save, tmp_path):
     arrays = drive(linear_velocity=np.tile([[5.0], [0.0], [0.0]], 8))
     result = script("dataset_to_bag.py", "--info", save(arrays))
     assert result.returncode == 0

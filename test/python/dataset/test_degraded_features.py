@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import drive
+from conftest import drive, script
 
 from vi_ekf_slam.bag.degrader import main as degrade
 from vi_ekf_slam.bag.reader import read_reference
@@ -124,7 +124,7 @@ def test_traffic_moves_but_not_with_the_world(dataset, frames, truth):
     assert len(moved) > 5 and 3.0 < np.median(moved) < 9.0 and np.median(still) < 3.5
 
 
-def test_command_line_writes_a_bag_with_truth(save, truth, tmp_path, script):
+def test_command_line_writes_a_bag_with_truth(save, truth, tmp_path):
     source, kitti, bag = save(drive(frames=FRAMES, landmarks=40)), tmp_path / "truth.txt", tmp_path / "out.bag"
     np.savetxt(str(kitti), truth[1][:30, :3].reshape(-1, 12))
     result = script("degraded_bag.py", source, bag, "--truth", kitti, "--every", "2", "--good-twist")

@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from conftest import TRUE_POSITIONS, drive, is_png, tum
+from conftest import TRUE_POSITIONS, drive, is_png, process, script, tum
 
 from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
@@ -39,7 +39,7 @@ def numbers(run):
         return json.load(stream)
 
 
-def test_table_json_and_pictures(script, full_run, bag):
+def test_table_json_and_pictures(full_run, bag):
     done = script("evaluate.py", full_run, "--bag", bag)
     assert done.returncode == 0 and done.stderr == "", done.stderr
     lines = done.stdout.splitlines()
@@ -61,7 +61,7 @@ def test_table_json_and_pictures(script, full_run, bag):
     assert not [name for name in os.listdir(str(full_run)) if name.endswith(".part")]
 
 
-def test_figures_of_dead_reckoning_by_hand(script, full_run, tmp_path):
+def test_figures_of_dead_reckoning_by_hand(full_run, tmp_path):
     # Without a bag the IMUs are compared: dead reckoning is off by 0.3 k^2 m at pose k, and never turns.
     truth = tmp_path / "truth.tum"
     truth.write_text(tum(TRUE_POSITIONS))
@@ -82,7 +82,7 @@ def test_figures_of_dead_reckoning_by_hand(script, full_run, tmp_path):
     assert not [name for name in os.listdir(str(full_run)) if name.endswith(".png")]
 
 
-def test_nees_of_a_run_by_hand(script, full_run, tmp_path):
+def test_nees_of_a_run_by_hand(full_run, tmp_path):
     # The truth is 0.2 m above the estimate from pose 1 on, two standard deviations: NEES 0, then seven times 4.
     truth = tmp_path / "truth.tum"
     truth.write_text(tum([(x, y, 0.2 if k else 0.0) for k, (x, y, _) in enumerate(TRUE_POSITIONS)]))
@@ -93,7 +93,7 @@ def test_nees_of_a_run_by_hand(script, full_run, tmp_path):
     assert found["within_bounds_percent"] == pytest.approx(87.5)  # 0 is below the lower bound
 
 
-def test_without_truth_there_are_pictures_and_timing(script, full_run):
+def test_without_truth_there_are_pictures_and_timing(full_run):
     done = script("evaluate.py", full_run)
     assert done.returncode == 0 and "no truth" in done.stdout and "ATE" not in done.stdout, done.stderr
     assert "frame time, median" in done.stdout
@@ -102,7 +102,7 @@ def test_without_truth_there_are_pictures_and_timing(script, full_run):
     assert data["slam"] is None and data["consistency"] is None and data["timing"]["frame_longest_ms"] == 7.0
 
 
-def test_an_evaluation_with_truth_is_not_replaced_by_one_without(script, full_run, bag, tmp_path):
+def test_an_evaluation_with_truth_is_not_replaced_by_one_without(full_run, bag, tmp_path):
     assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
     before = {path.name: path.read_bytes() for path in full_run.iterdir()}
     assert "evaluation_drift.png" in before
@@ -122,7 +122,7 @@ def test_an_evaluation_with_truth_is_not_replaced_by_one_without(script, full_ru
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
 
 
-def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(script, full_run, bag):
+def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(full_run, bag):
     def pictures():
         return sorted(name[len("evaluation_"):-len(".png")] for name in os.listdir(str(full_run)) if name.endswith(".png"))
     assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
@@ -134,20 +134,20 @@ def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(script, full_run, b
     assert pictures() == [] and not [name for name in os.listdir(str(full_run)) if name.endswith(".svg")]
 
 
-def test_poses_before_resets_are_named(script, full_run):
+def test_poses_before_resets_are_named(full_run):
     (full_run / "summary.yaml").write_text("poses_before_resets: [31, 5]\n")
     done = script("evaluate.py", full_run, "--no-plots")
     assert "31 poses before a reset, in %s" % (full_run / "before_reset_1") in done.stdout, done.stderr
     assert "5 poses before a reset, in %s" % (full_run / "before_reset_2") in done.stdout
 
 
-def test_a_run_of_trajectories_alone_will_do(script, run):
+def test_a_run_of_trajectories_alone_will_do(run):
     done = script("evaluate.py", run)
     assert done.returncode == 0 and "evaluation_trajectory.png" in done.stdout, done.stderr
     assert not (run / "evaluation_frames.png").exists() and not (run / "evaluation_errors.png").exists()
 
 
-def test_exports_are_read_back_and_by_strict_readers(script, full_run, bag, tmp_path):
+def test_exports_are_read_back_and_by_strict_readers(full_run, bag, tmp_path):
     out = tmp_path / "out"
     done = script("evaluate.py", full_run, "--bag", bag, "--no-plots", "--export-tum", "--export-kitti", "--output", out)
     assert done.returncode == 0, done.stderr
@@ -175,7 +175,7 @@ def test_exports_are_read_back_and_by_strict_readers(script, full_run, bag, tmp_
         assert r["dead_reckoning"] is None
 
 
-def test_kitti_exports_match_row_by_row(script, full_run, save, tmp_path):
+def test_kitti_exports_match_row_by_row(full_run, save, tmp_path):
     from vi_ekf_slam.bag.converter import main as convert
     truth, bag = tmp_path / "short.tum", str(tmp_path / "short.bag")
     truth.write_text("".join(tum(TRUE_POSITIONS).splitlines(True)[:6]))  # the truth ends two frames early
@@ -185,7 +185,7 @@ def test_kitti_exports_match_row_by_row(script, full_run, save, tmp_path):
         assert len(read_pose_file(str(full_run / "export" / (name + "_kitti.txt")))[1]) == 6
 
 
-def test_several_runs_side_by_side(script, full_run, bag, tmp_path):
+def test_several_runs_side_by_side(full_run, bag, tmp_path):
     out = tmp_path / "out"
     other = full_run / "trajectory.tum"
     done = script("evaluate.py", full_run, other, "--bag", bag, "--name", "first", "--name", "second", "--output", out)
@@ -207,7 +207,7 @@ def test_names_tell_runs_apart():
     assert default_names(["x/run", "y/run", "z.d"]) == ["x/run", "y/run", "z.d"]
 
 
-def test_refusals_are_one_line(script, full_run, bag, tmp_path):
+def test_refusals_are_one_line(full_run, bag, tmp_path):
     kitti, far = tmp_path / "kitti.txt", tmp_path / "far.tum"
     kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     far.write_text("5 0 0 0 0 0 0 1\n6 0 0 0 0 0 0 1\n")
@@ -224,14 +224,14 @@ def test_refusals_are_one_line(script, full_run, bag, tmp_path):
     assert not (full_run / "evaluation.json").exists()
 
 
-def test_without_matplotlib_there_are_numbers(script, full_run, bag, tmp_path, monkeypatch):
+def test_without_matplotlib_there_are_numbers(full_run, bag, tmp_path, monkeypatch):
     (tmp_path / "hidden").mkdir()
     (tmp_path / "hidden" / "matplotlib.py").write_text("raise ModuleNotFoundError('none', name='matplotlib')\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "hidden"), prepend=os.pathsep)
-    done = script("evaluate.py", full_run, "--bag", bag)
+    done = process("evaluate.py", full_run, "--bag", bag)
     assert done.returncode == 2 and "python3-matplotlib" in done.stderr and done.stderr.count("\n") == 1, done.stderr
     assert numbers(full_run)["slam"]["matched"] == 8
-    assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
+    assert process("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
 
 
 def test_covariances_are_read_in_their_order(full_run):
@@ -337,7 +337,7 @@ def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
     assert farthest[0] == pytest.approx(farthest[1])
 
 
-def test_poses_of_a_camera_without_an_imu_are_judged_as_such(script, full_run, bag):
+def test_poses_of_a_camera_without_an_imu_are_judged_as_such(full_run, bag):
     """summary.yaml names the body: the left camera's poses are compared with the left camera's truth."""
     stamps, poses = read_tum(str(full_run / "trajectory.tum"))
     imu_T_cam = np.linalg.inv(read_reference(bag).cam_T_imu)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from conftest import script
 
 from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
 from vi_ekf_slam.dataset.pose_files import tum_line
@@ -77,7 +78,7 @@ def test_a_run_says_what_it_was_free_to_choose(summary, gauge):
     assert gauge_of(summary) == gauge
 
 
-def test_evaluate_takes_the_truth_of_a_file_in_its_own_world(script, tmp_path):
+def test_evaluate_takes_the_truth_of_a_file_in_its_own_world(tmp_path):
     def write(name, poses):
         path = tmp_path / name
         path.write_text("".join(tum_line("%.9f" % t, pose) + "\n" for t, pose in zip(STAMPS, poses)))

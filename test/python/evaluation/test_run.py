@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from conftest import LANDMARK_HEADER as HEADER
-from conftest import TRUE_POSITIONS, drive, is_png, tum
+from conftest import TRUE_POSITIONS, drive, is_png, script, tum
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, se3_exp
@@ -117,7 +117,7 @@ def test_picture_says_what_it_shows(run):
     assert texts(figure) == ["drive", "dead reckoning", "SLAM", "start"]
 
 
-def test_plot_run_prints_errors_and_writes_pictures(script, run, bag):
+def test_plot_run_prints_errors_and_writes_pictures(run, bag):
     result = script("plot.py", "run", run, "--bag", bag, "--svg")
     assert result.returncode == 0 and result.stderr == "", result.stderr
     slam, dead = result.stdout.splitlines()[:2]
@@ -127,7 +127,7 @@ def test_plot_run_prints_errors_and_writes_pictures(script, run, bag):
     assert not [n for n in os.listdir(str(run)) if n.endswith(".part")]
 
 
-def test_plot_run_takes_the_truth_from_a_file(script, run, bag, tmp_path):
+def test_plot_run_takes_the_truth_from_a_file(run, bag, tmp_path):
     truth, output = tmp_path / "truth.tum", tmp_path / "picture.png"
     result = script("plot.py", "run", run, "--truth", truth, "--output", output)
     assert "slam: ATE 0.000 m (IMU, 8 poses)" in result.stdout and is_png(output), result.stderr
@@ -137,12 +137,12 @@ def test_plot_run_takes_the_truth_from_a_file(script, run, bag, tmp_path):
     assert "(left camera, 8 poses)" in result.stdout and float(result.stdout.split()[2]) > 1.0, result.stderr
 
 
-def test_plot_run_without_truth_draws_all_the_same(script, run):
+def test_plot_run_without_truth_draws_all_the_same(run):
     result = script("plot.py", "run", run)
     assert result.returncode == 0 and result.stdout == "wrote: %s\n" % (run / "run.png"), result.stderr
 
 
-def test_plot_run_refuses_with_one_line(script, run, tmp_path):
+def test_plot_run_refuses_with_one_line(run, tmp_path):
     kitti, junk = tmp_path / "kitti.txt", tmp_path / "junk.bag"
     kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     junk.write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
@@ -157,7 +157,7 @@ def test_plot_run_refuses_with_one_line(script, run, tmp_path):
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_plot_takes_each_kind_to_its_module(script, kind):
+def test_plot_takes_each_kind_to_its_module(kind):
     result = script("plot.py", kind, "--help")
     assert result.returncode == 0 and result.stdout.startswith("usage: plot.py %s " % kind), result.stderr
     assert script("plot.py", kind, "--nonsense").returncode == 2

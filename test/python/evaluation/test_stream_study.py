@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
-from conftest import LANDMARK_HEADER, data_file, program, script_path
+from conftest import LANDMARK_HEADER, data_file, program, script
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
@@ -76,7 +76,7 @@ def test_a_stream_of_ones_own_has_no_figures_to_stand_beside():
     assert line("gore", 7, (0.0123, 0.1, 6.0, 1.0)).split()[3] == "0.0206"
 
 
-def test_runs_and_streams_are_not_asked_for_together(script, tmp_path):
+def test_runs_and_streams_are_not_asked_for_together(tmp_path):
     for arguments, complaint in (((), "nothing is given"), (("run", "--streams", tmp_path), "both are given"),
                                  (("--streams", tmp_path), "holds no .npz")):
         done = script("evaluate.py", *arguments)
@@ -91,8 +91,7 @@ def test_the_shortest_stream(tmp_path):
     folder = tmp_path / "streams"
     folder.mkdir()
     (folder / "V2_02.npz").symlink_to(data_file("vio_sim/V2_02.npz"))
-    done = subprocess.run([sys.executable, script_path("evaluate.py"), "--streams", str(folder)], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, check=False)
+    done = script("evaluate.py", "--streams", folder)
     assert done.returncode == 0, done.stderr
     cells = done.stdout.splitlines()[-1].split()
     assert cells[:2] == ["V2_02", "1105"] and float(cells[2]) < 0.02 and float(cells[4]) < 0.2 and 3.0 < float(cells[6]) < 12.0

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 import yaml
-from conftest import HANG_S, ROOT, program, script_path
+from conftest import HANG_S, ROOT, program, script, script_path
 
 PAGES = ["README.md"] + ["docs/" + name for name in sorted(os.listdir(os.path.join(ROOT, "docs"))) if name.endswith(".md")]
 README_LINES = 80  # one screen
@@ -103,13 +103,10 @@ def test_files_exist(page):
 def help_of(name):
     """What a program of the package prints for --help."""
     if name.endswith(".py"):
-        start = ["/usr/bin/python3", script_path(name)]
         kinds = {"plot.py": ("run", "maps", "monte_carlo"), "simulate_dataset.py": ("--images",)}
-        texts = [start + ["--help"]] + [start + [kind, "--help"] for kind in kinds.get(name, ())]
-    else:
-        texts = [[program(name), "--help"]]
-    return "".join(subprocess.run(text, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-                                  timeout=HANG_S).stdout for text in texts)
+        return "".join(script(name, *kind, "--help").stdout for kind in [()] + [(kind,) for kind in kinds.get(name, ())])
+    return subprocess.run([program(name), "--help"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                          timeout=HANG_S).stdout
 
 
 def test_programs_and_their_options_exist():

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import HANG_S, ROOT
+from conftest import HANG_S, ROOT, script
 
 
 def read(*path):
@@ -51,16 +51,14 @@ def test_every_python_file_compiles_with_the_oldest_supported_version():
     assert sys.version_info >= (3, 8)
 
 
-def test_pytest_at_the_root_collects_the_python_tests_alone():
+def test_pytest_at_the_root_collects_the_python_tests_alone(pytestconfig):
     """All of them, and none of the rostests, which need a master."""
-    done = subprocess.run([sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"], cwd=ROOT,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=HANG_S)
-    assert done.returncode == 0, done.stdout
-    collected = {line.split("::")[0] for line in done.stdout.splitlines() if "::" in line}
-    there = {os.path.relpath(os.path.join(below, name), ROOT)
+    assert str(pytestconfig.inipath) == os.path.join(ROOT, "pytest.ini")
+    assert pytestconfig.getini("testpaths") == ["test/python"] and pytestconfig.getini("python_files") == ["test_*.py"]
+    there = [os.path.relpath(os.path.join(below, name), ROOT)
              for below, _, names in os.walk(os.path.join(ROOT, "test")) for name in names
-             if name.startswith("test_") and name.endswith(".py")}
-    assert collected == there
+             if name.startswith("test_") and name.endswith(".py")]
+    assert len(there) > 40 and [path for path in there if not path.startswith("test/python/")] == []
 
 
 def test_every_folder_of_modules_is_a_package():
@@ -85,7 +83,7 @@ FAILURE = "<failure/>"
     ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)], "rosunit-node": [("N", "x", "")]},
      "1 passed, 1 failed, 0 skipped"),
     ({"rostest-a": [("rostest.runner.RosTest", "testnode", FAILURE)]}, "0 passed, 1 failed, 0 skipped")])
-def test_results_count_once(script, tmp_path, files, printed):
+def test_results_count_once(tmp_path, files, printed):
     for name, cases in files.items():
         (tmp_path / (name + ".xml")).write_text("<testsuite>%s</testsuite>" % "".join(CASE % case for case in cases))
     done = script("count_test_results.py", tmp_path)

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 import yaml
-from conftest import HANG_S, ROOT, is_png, program, script_path
+from conftest import HANG_S, ROOT, is_png, program, script
 
 from vi_ekf_slam.evaluation import top_view
 from vi_ekf_slam.evaluation.report import ROWS, cell
@@ -26,8 +26,7 @@ NUMBERS = (1, 2, 4, 5, 7, 8)  # of the figures of 0022 and 0027
 
 
 def reproduce(*arguments):
-    return subprocess.run([sys.executable, script_path("reproduce_paper.py")] + [str(a) for a in arguments],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S)
+    return script("reproduce_paper.py", *arguments)
 
 
 class Made:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rosbag
 import yaml
-from conftest import HANG_S
+from conftest import HANG_S, script
 from folders import IMU, asl_folder, kitti_raw_folder
 
 from vi_ekf_slam.common.errors import InputError
@@ -138,7 +138,7 @@ def test_a_folder_that_is_none_is_refused(tmp_path):
         read_calibration([str(tmp_path)])
 
 
-def test_a_bag_gets_what_the_converter_would_have_written(rig, script):
+def test_a_bag_gets_what_the_converter_would_have_written(rig):
     _, folder = rig
     done = script("dataset_to_bag.py", folder / "euroc", folder / "whole.bag", "--quiet")
     assert done.returncode == 0, done.stderr

@@ -4,12 +4,13 @@ import re
 
 import numpy as np
 import pytest
+from conftest import process
 
 from vi_ekf_slam.ros.load_test import DROPS, Street, account
 
 
-def test_400_hz_imu_and_30_hz_features_nothing_lost_unreported(script):
-    done = script("load_test.py", "--duration", 6, "--limit", 3)
+def test_400_hz_imu_and_30_hz_features_nothing_lost_unreported():
+    done = process("load_test.py", "--duration", 6, "--limit", 3)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = {row[0]: [int(x) for x in row[1:]] for row in re.findall(
         r"^(imu|velocity|features) +(\d+) +(\d+) +(\d+) +(\d+)$", done.stdout, re.MULTILINE)}

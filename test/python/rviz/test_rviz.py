@@ -11,7 +11,7 @@ import pytest
 import rosbag
 import rospy
 import yaml
-from conftest import HANG_S, ROOT, script_path
+from conftest import HANG_S, ROOT, process, script
 from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_picture, share_hit
 from sensor_msgs.msg import Image
 
@@ -33,14 +33,8 @@ needs_rviz = pytest.mark.skipif(not has_rviz(), reason="NOT RUN: rviz's Python m
                                                        "(Debian: python3-rviz xvfb)")
 
 
-def run(name, *arguments, env=None):
-    """A script as a process. Returns the finished process."""
-    return subprocess.run(["/usr/bin/python3", script_path(name)] + [str(a) for a in arguments], stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, env=env)
-
-
 def succeed(name, *arguments):
-    done = run(name, *arguments)
+    done = script(name, *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -159,7 +153,7 @@ def test_a_broken_configuration_is_a_failure(folder):
     displays["Grid (10 m)"]["Reference Frame"] = "nowhere"
     displays["Landmarks"]["Class"] = "rviz/NoSuchDisplay"
     (folder / "broken.rviz").write_text(yaml.safe_dump(config))
-    done = run("render_rviz.py", folder / "outputs.bag", folder / "broken.png", "--config", folder / "broken.rviz",
+    done = script("render_rviz.py", folder / "outputs.bag", folder / "broken.png", "--config", folder / "broken.rviz",
                "--rate", 20)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "display 'Path': its topic /odometry is published as nav_msgs/Odometry" in done.stderr
@@ -225,7 +219,7 @@ def test_an_export_holds_none_of_the_shipped_names(tmp_path):
     (["--map-frame", "odom"], ["odom", "different"]),
     (["--namespace", "robot1"], ["--namespace", "robot1", "absolute"])])
 def test_what_a_bag_does_not_have_is_named(folder, tmp_path, arguments, named):
-    done = run("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "outputs.bag", *arguments)
+    done = script("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "outputs.bag", *arguments)
     assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
     assert [name for name in named if name not in done.stderr] == []
     assert not (tmp_path / "x.rviz").exists()
@@ -237,7 +231,7 @@ def test_a_topic_in_a_frame_without_connection_is_named(folder, tmp_path):
     with rosbag.Bag(str(tmp_path / "robot1.bag"), "a") as bag, rosbag.Bag(str(folder / "drive.bag")) as drive:
         for topic, message, stamp in drive.read_messages(["/ground_truth/path"]):
             bag.write(topic, message, stamp)
-    done = run("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", tmp_path / "robot1.bag",
+    done = script("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", tmp_path / "robot1.bag",
                *EXPORT_OPTIONS[:-2])
     assert done.returncode == 2
     assert "/ground_truth/path" in done.stderr and "'map'" in done.stderr and "'world'" in done.stderr
@@ -246,7 +240,7 @@ def test_a_topic_in_a_frame_without_connection_is_named(folder, tmp_path):
 def test_a_drive_is_checked_for_what_it_can_tell(folder, tmp_path):
     printed = succeed("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag")
     assert "only the IMU's frame and the truth" in printed
-    done = run("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag",
+    done = script("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag",
                "--imu-frame", "b")
     assert done.returncode == 2 and "imu_link" in done.stderr
 
@@ -254,17 +248,17 @@ def test_a_drive_is_checked_for_what_it_can_tell(folder, tmp_path):
 def test_a_running_graph_is_checked(folder, tmp_path):
     with ros_master(str(tmp_path)) as environment:
         arguments = ["--output", tmp_path / "x.rviz", "--check-graph"]
-        done = run("export_rviz_config.py", *arguments, env=environment)
+        done = process("export_rviz_config.py", *arguments, environment=environment)
         assert done.returncode == 2 and "no topic /pose" in done.stderr
         player = ["rosbag", "play", "--clock", "--rate=0.2", "--quiet", str(folder / "outputs.bag")]
         with child(player, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL):
             end = time.monotonic() + 30.0
             while done.returncode != 0 and time.monotonic() < end:
-                done = run("export_rviz_config.py", *arguments, env=environment)
+                done = process("export_rviz_config.py", *arguments, environment=environment)
             assert done.returncode == 0, done.stderr
-            done = run("export_rviz_config.py", *arguments, "--odom-frame", "odometry_frame", env=environment)
+            done = process("export_rviz_config.py", *arguments, "--odom-frame", "odometry_frame", environment=environment)
             assert done.returncode == 2 and "odometry_frame" in done.stderr and "imu_link" in done.stderr
-            done = run("export_rviz_config.py", *arguments, "--landmarks", "/pose", env=environment)
+            done = process("export_rviz_config.py", *arguments, "--landmarks", "/pose", environment=environment)
             assert done.returncode == 2 and "visualization_msgs/MarkerArray" in done.stderr
 
 
@@ -276,5 +270,5 @@ def test_a_running_graph_is_checked(folder, tmp_path):
 def test_render_refuses_what_it_cannot_do(folder, tmp_path, arguments, named):
     arguments = [str(folder / "outputs.bag") if a == "BAG" else a if a.startswith("-") or a.isdigit() else
                  str(tmp_path / a) for a in arguments]
-    done = run("render_rviz.py", *arguments)
+    done = script("render_rviz.py", *arguments)
     assert done.returncode == 2 and named in done.stderr and done.stderr.count("\n") == 1, done.stderr

@@ -4,6 +4,8 @@ import os
 
 import numpy as np
 import pytest
+from conftest import script
+
 from vi_ekf_slam.common.geometry import inverse, se3_exp
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
@@ -12,7 +14,7 @@ SHORT = ("--duration", "20")
 
 
 @pytest.fixture
-def simulated(script, tmp_path):
+def simulated(tmp_path):
     """Simulates a drive with the given options; returns its path."""
     def run(*options, name="sim.npz"):
         path = str(tmp_path / name)
@@ -105,19 +107,19 @@ def test_features_are_the_projected_world_where_nothing_disturbs_them(simulated)
 @pytest.mark.parametrize("option, value, allowed", [
     ("--speed", "-3", "from 0.5 to 40 m/s"), ("--features-max", "many", "from 1 to 2000"),
     ("--imu-rate", "100", "imu-rate"), ("--motion", "process", "duration")])
-def test_bad_values_are_named_and_nothing_is_written(script, tmp_path, option, value, allowed):
+def test_bad_values_are_named_and_nothing_is_written(tmp_path, option, value, allowed):
     result = script("simulate_dataset.py", tmp_path / "sim.npz", option, value)
     assert result.returncode == 2 and result.stderr.startswith("error: option "), result.stderr
     assert allowed in result.stderr and len(result.stderr.splitlines()) == 1
     assert os.listdir(str(tmp_path)) == []
 
 
-def test_output_must_be_an_npz_in_a_directory_that_exists(script, tmp_path):
+def test_output_must_be_an_npz_in_a_directory_that_exists(tmp_path):
     assert "ends in .npz" in script("simulate_dataset.py", tmp_path / "sim.bag").stderr
     assert "does not exist" in script("simulate_dataset.py", tmp_path / "no" / "sim.npz").stderr
 
 
-def test_help_names_every_option_with_its_unit(script):
+def test_help_names_every_option_with_its_unit():
     text = script("simulate_dataset.py", "--help").stdout
     for words in ("--gyro-sigma RAD/S", "--stale-fraction", "--ids-return", "(default: 0.5 m/s)"):
         assert words in text

@@ -7,13 +7,13 @@ import re
 import subprocess
 
 import pytest
-from conftest import HANG_S, ROOT, data_file, program
+from conftest import HANG_S, ROOT, data_file, program, script
 
 
 # ATE in m, t_rel in %, r_rel in deg/100 m.
 @pytest.mark.parametrize("name, reading, ate, t_rel, r_rel", [
     ("0027", "repaired", 15.75, 8.19, 6.21), ("0034", "given", 52.83, 23.38, 11.67)])  # test_metrics.py has the other two
-def test_dead_reckoning_has_the_known_error(script, tmp_path, name, reading, ate, t_rel, r_rel):
+def test_dead_reckoning_has_the_known_error(tmp_path, name, reading, ate, t_rel, r_rel):
     dataset, truth = data_file(name + ".npz"), data_file(name + "_truth_left_camera.txt")
     bag, run = str(tmp_path / "drive.bag"), str(tmp_path / "run")
     done = script("dataset_to_bag.py", dataset, bag, "--extrinsic", reading, "--truth", truth)
