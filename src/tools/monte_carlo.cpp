@@ -9,6 +9,7 @@
 
 #include "monte_carlo_options.hpp"
 #include "monte_carlo_report.hpp"
+#include "program_options.hpp"
 #include "progress.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
@@ -85,7 +86,7 @@ int main(int argc, char** argv) {
       return kOk;
     }
     return run(options);
-  } catch (const MonteCarloUsageError& e) {
+  } catch (const UsageError& e) {
     std::cerr << "monte_carlo: " << e.what() << "\nTry 'monte_carlo --help'." << std::endl;
   } catch (const std::exception& e) { // configuration, or an output that cannot be written
     std::cerr << "monte_carlo: " << e.what() << std::endl;

@@ -7,6 +7,7 @@
 #include <thread>
 #include <vector>
 
+#include "program_options.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 
 namespace vi_ekf_slam {
@@ -54,32 +55,23 @@ Exit code: 0 it ran; 1 the command line, the configuration or the output is not 
 
 namespace {
 
-constexpr double kLongestBlind = 1e6; // s
+namespace po = boost::program_options;
 
-std::uint64_t wholeNumber(const std::string& option, const std::string& text, std::uint64_t least,
-                          std::uint64_t most) {
-  const bool digits =
-      !text.empty() && text.size() < 19 && text.find_first_not_of("0123456789") == std::string::npos;
-  const std::uint64_t value = digits ? std::strtoull(text.c_str(), nullptr, 10) : 0;
-  if (!digits || value < least || value > most)
-    throw MonteCarloUsageError(option + " is '" + text + "', allowed: a whole number from " +
-                               std::to_string(least) + " to " + std::to_string(most));
-  return value;
-}
+constexpr double kLongestBlind = 1e6; // s
 
 double seconds(const std::string& option, const std::string& text, bool above_0) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   if (text.empty() || *end != '\0' || !(above_0 ? value > 0.0 : value >= 0.0) || !(value <= kLongestBlind))
-    throw MonteCarloUsageError(option + " is '" + text + "', allowed: " + (above_0 ? "above" : "from") +
-                               " 0 up to 1e6 s");
+    throw UsageError(option + " is '" + text + "', allowed: " + (above_0 ? "above" : "from") +
+                     " 0 up to 1e6 s");
   return value;
 }
 
 simulation::StudyStart start(const std::string& text) {
   if (text == "given") return simulation::StudyStart::kGiven;
   if (text == "self") return simulation::StudyStart::kSelf;
-  throw MonteCarloUsageError("--start is '" + text + "', allowed: given or self");
+  throw UsageError("--start is '" + text + "', allowed: given or self");
 }
 
 simulation::RigDisturbance disturbance(const std::string& text) {
@@ -90,8 +82,8 @@ simulation::RigDisturbance disturbance(const std::string& text) {
   const bool whole = !in.fail() && in.peek() == std::istringstream::traits_type::eof();
   if (!whole || comma1 != ',' || comma2 != ',' || comma3 != ',' || !(std::abs(d.rotation) <= 1.0) ||
       !(std::abs(d.translation) <= 1.0) || !(std::abs(d.time_offset) <= 0.1) || !(std::abs(d.scale) <= 0.5))
-    throw MonteCarloUsageError("--disturb-rig is '" + text +
-                               "', allowed: four numbers with commas, up to 1 rad, 1 m, 0.1 s and 0.5");
+    throw UsageError("--disturb-rig is '" + text +
+                     "', allowed: four numbers with commas, up to 1 rad, 1 m, 0.1 s and 0.5");
   return d;
 }
 
@@ -102,7 +94,7 @@ std::pair<double, double> bounds(const std::string& text) {
   const char* second = comma ? end + 1 : end;
   const double high = comma ? std::strtod(second, &end) : 0.0;
   if (!comma || end == second || *end != '\0' || !(low <= high))
-    throw MonteCarloUsageError("--check is '" + text + "', allowed: LOW,HIGH with LOW at most HIGH");
+    throw UsageError("--check is '" + text + "', allowed: LOW,HIGH with LOW at most HIGH");
   return {low, high};
 }
 
@@ -115,7 +107,7 @@ std::vector<double> rates(const std::string& option, const std::string& name, co
     try {
       setDriveOption(parsed, name, word);
     } catch (const std::invalid_argument& e) {
-      throw MonteCarloUsageError(option + ": " + e.what());
+      throw UsageError(option + ": " + e.what());
     }
     all.push_back(name == "frame-rate" ? parsed.frame_rate : parsed.imu_rate);
   }
@@ -124,11 +116,9 @@ std::vector<double> rates(const std::string& option, const std::string& name, co
 
 void set(simulation::DriveOptions& drive, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
-  if (equals == std::string::npos)
-    throw MonteCarloUsageError("--set is '" + assignment + "', allowed: OPTION=VALUE");
+  if (equals == std::string::npos) throw UsageError("--set is '" + assignment + "', allowed: OPTION=VALUE");
   const std::string name = assignment.substr(0, equals);
-  if (name == "seed" || name == "motion")
-    throw MonteCarloUsageError("--set " + name + ": it has an option of its own");
+  if (name == "seed" || name == "motion") throw UsageError("--set " + name + ": it has an option of its own");
   setDriveOption(drive, name, assignment.substr(equals + 1));
 }
 
@@ -141,58 +131,27 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
   std::vector<std::string> assignments;
   std::optional<std::string> start_text;
   std::optional<double> blind_from, blind_for;
-  const auto take = [&](const std::string& name, const std::string& value) {
-    if (name == "--config")
-      options.config = value;
-    else if (name == "--output")
-      options.output = value;
-    else if (name == "--seeds")
-      options.seeds = wholeNumber(name, value, 1, 1000000);
-    else if (name == "--first-seed")
-      options.first_seed = wholeNumber(name, value, 0, 1000000000000);
-    else if (name == "--jobs")
-      options.jobs = static_cast<unsigned>(wholeNumber(name, value, 1, 1000));
-    else if (name == "--check")
-      options.check = bounds(value);
-    else if (name == "--frame-rates")
-      options.frame_rates = rates(name, "frame-rate", value);
-    else if (name == "--imu-rates")
-      options.imu_rates = rates(name, "imu-rate", value);
-    else if (name == "--motion")
-      motion = value == "inertial" ? "handheld" : value;
-    else if (name == "--start")
-      start_text = value;
-    else if (name == "--blind-from")
-      blind_from = seconds(name, value, false);
-    else if (name == "--blind-for")
-      blind_for = seconds(name, value, true);
-    else if (name == "--disturb-rig")
-      options.study.disturbance = disturbance(value);
-    else if (name == "--set")
-      assignments.push_back(value);
-    else
-      throw MonteCarloUsageError("unknown option " + name);
-  };
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    const std::size_t equals = argument.find('=');
-    if (argument == "--help" || argument == "-h") {
-      options.help = true;
-    } else if (argument == "--plot") {
-      options.plot = true;
-    } else if (argument == "--quiet") {
-      options.quiet = true;
-    } else if (equals != std::string::npos) {
-      take(argument.substr(0, equals), argument.substr(equals + 1));
-    } else {
-      const std::string value = i + 1 < argc ? argv[i + 1] : "";
-      take(argument, value);
-      if (++i == argc) throw MonteCarloUsageError(argument + " needs a value");
-    }
-  }
+  const auto to = [](auto take) { return po::value<std::string>()->notifier(take); };
+  po::options_description known; // kMonteCarloHelp describes them
+  known.add_options()("help,h", po::bool_switch(&options.help))("plot", po::bool_switch(&options.plot))(
+      "quiet", po::bool_switch(&options.quiet))("config", po::value(&options.config))(
+      "output", po::value(&options.output))("set", po::value(&assignments))(
+      "seeds", to([&](auto v) { options.seeds = wholeNumber("--seeds", v, 1, 1000000); }))(
+      "first-seed",
+      to([&](auto v) { options.first_seed = wholeNumber("--first-seed", v, 0, 1000000000000); }))(
+      "jobs", to([&](auto v) { options.jobs = static_cast<unsigned>(wholeNumber("--jobs", v, 1, 1000)); }))(
+      "check", to([&](auto v) { options.check = bounds(v); }))(
+      "frame-rates", to([&](auto v) { options.frame_rates = rates("--frame-rates", "frame-rate", v); }))(
+      "imu-rates", to([&](auto v) { options.imu_rates = rates("--imu-rates", "imu-rate", v); }))(
+      "motion", to([&](auto v) { motion = v == "inertial" ? "handheld" : v; }))(
+      "start", to([&](auto v) { start_text = v; }))(
+      "blind-from", to([&](auto v) { blind_from = seconds("--blind-from", v, false); }))(
+      "blind-for", to([&](auto v) { blind_for = seconds("--blind-for", v, true); }))(
+      "disturb-rig", to([&](auto v) { options.study.disturbance = disturbance(v); }));
+  parseOptions(argc, argv, known);
   if (options.help) return options;
-  if (options.config.empty()) throw MonteCarloUsageError("--config is missing");
-  if (options.output.empty()) throw MonteCarloUsageError("--output is missing");
+  if (options.config.empty()) throw UsageError("--config is missing");
+  if (options.output.empty()) throw UsageError("--output is missing");
   try {
     simulation::DriveOptions parsed;
     setDriveOption(parsed, "motion", motion);
@@ -202,21 +161,20 @@ MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv) {
     for (const simulation::DriveOptions& drive : drivesOf(options)) checkDriveOptions(drive);
     if (start_text) options.study.start = start(*start_text);
     if (blind_from.has_value() != blind_for.has_value())
-      throw MonteCarloUsageError("--blind-from and --blind-for need each other");
+      throw UsageError("--blind-from and --blind-for need each other");
     options.study.blind_from = blind_from.value_or(0.0);
     options.study.blind_for = blind_for.value_or(0.0);
     if ((start_text || blind_from || !options.study.disturbance.isNone()) && !options.drive.hasRawImu())
-      throw MonteCarloUsageError(
+      throw UsageError(
           "--start, --blind-from, --blind-for and --disturb-rig need --motion inertial or inertial-car");
     const double seen = options.drive.duration;
     if (blind_from && seen > 0.0 && *blind_from + *blind_for > seen)
-      throw MonteCarloUsageError(
-          "--blind-from and --blind-for end after the drive, allowed: up to its duration");
+      throw UsageError("--blind-from and --blind-for end after the drive, allowed: up to its duration");
   } catch (const std::invalid_argument& e) {
-    throw MonteCarloUsageError(e.what());
+    throw UsageError(e.what());
   }
   if (options.plot && options.comparesRates())
-    throw MonteCarloUsageError(
+    throw UsageError(
         "--plot draws one study; plot.py monte_carlo draws each folder of a comparison of rates");
   return options;
 }

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,12 +10,6 @@
 #include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
 
 namespace vi_ekf_slam {
-
-/// A Monte Carlo command line that cannot be followed; what() says why.
-class MonteCarloUsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 struct MonteCarloOptions {
   std::string config;
@@ -38,7 +31,7 @@ struct MonteCarloOptions {
 /// What to study: the drive, or as many as there are pairs of rates.
 std::vector<simulation::DriveOptions> drivesOf(const MonteCarloOptions& options);
 
-/// Throws MonteCarloUsageError.
+/// Throws UsageError.
 MonteCarloOptions parseMonteCarloOptions(int argc, const char* const* argv);
 
 extern const char* const kMonteCarloHelp;

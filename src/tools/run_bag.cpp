@@ -13,6 +13,7 @@
 #include "bag_images.hpp"
 #endif
 #include "progress.hpp"
+#include "program_options.hpp"
 #include "run_bag_options.hpp"
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"

@@ -1,6 +1,6 @@
 #include "run_bag_options.hpp"
 
-#include <boost/program_options.hpp>
+#include "program_options.hpp"
 
 namespace vi_ekf_slam {
 
@@ -83,21 +83,9 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
       "features", text(options.topics.features))("left-info", text(options.topics.left_info))(
       "right-info", text(options.topics.right_info))("left-image", text(options.left_image))(
       "right-image", text(options.right_image))("save-features", text(options.save_features));
-  constexpr int kStyle = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
-  try {
-    po::variables_map values;
-    po::store(po::command_line_parser(argc, argv)
-                  .options(known)
-                  .positional(po::positional_options_description().add("bag", 1))
-                  .style(kStyle)
-                  .run(),
-              values);
-    po::notify(values);
-    if (options.topics.velocity.empty() && values["wheel-odometry"].defaulted())
-      options.topics.wheel_odometry.clear();
-  } catch (const po::error& e) {
-    throw UsageError(e.what());
-  }
+  const po::variables_map values = parseOptions(argc, argv, known, "bag");
+  if (options.topics.velocity.empty() && values["wheel-odometry"].defaulted())
+    options.topics.wheel_odometry.clear();
   if (!options.help && !options.check) requireAll(options);
   makeAbsolute(options, prefix);
   return options;

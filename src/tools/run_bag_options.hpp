@@ -1,17 +1,10 @@
 #pragma once
 
-#include <stdexcept>
 #include <string>
 
 #include "vi_ekf_slam/ros/intake.hpp"
 
 namespace vi_ekf_slam {
-
-/// A command line that cannot be followed; what() says why.
-class UsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 struct RunBagOptions {
   std::string bag;

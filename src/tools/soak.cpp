@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "program_options.hpp"
 #include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
@@ -44,39 +45,22 @@ struct Options {
   int features = 55;
   std::uint64_t seed = 1;
   std::string output;
+  bool help = false;
 };
-
-std::uint64_t wholeNumber(const std::string& option, const std::string& text, std::uint64_t most) {
-  char* end = nullptr;
-  const unsigned long long value = std::strtoull(text.c_str(), &end, 10);
-  if (text.empty() || *end != '\0' || text[0] == '-' || value < 1 || value > most) {
-    throw std::invalid_argument(option + " is '" + text + "', allowed: 1 to " + std::to_string(most));
-  }
-  return value;
-}
 
 Options parse(int argc, char** argv) {
   Options options;
-  for (int i = 1; i < argc; ++i) {
-    const std::string option = argv[i];
-    if (option == "--help" || option == "-h") {
-      std::cout << kUsage;
-      std::exit(0);
-    }
-    if (i + 1 == argc) throw std::invalid_argument("unknown option or no value: " + option + "\n" + kUsage);
-    const std::string value = argv[++i];
-    if (option == "--frames") {
-      options.frames = wholeNumber(option, value, 100000000);
-    } else if (option == "--features") {
-      options.features = static_cast<int>(wholeNumber(option, value, 1000));
-    } else if (option == "--seed") {
-      options.seed = wholeNumber(option, value, 1000000);
-    } else if (option == "--output") {
-      options.output = value;
-    } else {
-      throw std::invalid_argument("unknown option: " + option + "\n" + kUsage);
-    }
-  }
+  namespace po = boost::program_options;
+  const auto number = [](const char* name, std::uint64_t most, auto take) {
+    return po::value<std::string>()->notifier(
+        [=](const std::string& text) { take(wholeNumber(name, text, 1, most)); });
+  };
+  po::options_description known; // kUsage describes them
+  known.add_options()("help,h", po::bool_switch(&options.help))("output", po::value(&options.output))(
+      "frames", number("--frames", 100000000, [&](auto n) { options.frames = n; }))(
+      "features", number("--features", 1000, [&](auto n) { options.features = static_cast<int>(n); }))(
+      "seed", number("--seed", 1000000, [&](auto n) { options.seed = n; }));
+  parseOptions(argc, argv, known);
   return options;
 }
 
@@ -279,6 +263,10 @@ int main(int argc, char** argv) {
   vi_ekf_slam::keepFreedMemory();
   try {
     vi_ekf_slam::Options options = vi_ekf_slam::parse(argc, argv);
+    if (options.help) {
+      std::cout << vi_ekf_slam::kUsage;
+      return 0;
+    }
     if (options.output.empty()) {
       const char* folder = std::getenv("TMPDIR");
       options.output = std::string(folder != nullptr ? folder : "/tmp") + "/vi_ekf_slam_soak";

@@ -5,6 +5,7 @@
 
 #include "monte_carlo_options.hpp"
 #include "monte_carlo_report.hpp"
+#include "program_options.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -98,9 +99,9 @@ TEST(MonteCarloOptions, RefuseWhatCannotBe) {
       {"--nothing", "1"},
       {"stray"},
       {"--motion", "process", "--set", "ids-return=true"}};
-  for (const auto& words : refused) EXPECT_THROW(parse(words), MonteCarloUsageError) << words.front();
+  for (const auto& words : refused) EXPECT_THROW(parse(words), UsageError) << words.front();
   const char* bare[] = {"monte_carlo", "--output", "d"};
-  EXPECT_THROW(parseMonteCarloOptions(3, bare), MonteCarloUsageError);
+  EXPECT_THROW(parseMonteCarloOptions(3, bare), UsageError);
 }
 
 TEST(MonteCarloOptions, ARawImuHasAStartAndABlindTime) {

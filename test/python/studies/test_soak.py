@@ -22,4 +22,4 @@ def test_says_what_it_does_not_understand():
     done = subprocess.run([program("soak"), "--frames", "0"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           universal_newlines=True, timeout=HANG_S)
     assert done.returncode == 1
-    assert "--frames is '0', allowed: 1 to" in done.stdout
+    assert "--frames is '0', allowed: a whole number from 1 to" in done.stdout
