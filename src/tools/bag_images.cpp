@@ -17,14 +17,10 @@ void listen(BagInput& input, const std::string& topic, std::function<void(const 
                [use = std::move(use)](const BagMessage& message) { use(wire::read<Message>(message)); });
 }
 
-bool hasImages(const BagInput& input, const std::string& topic) {
-  return input.has(topic) || input.has(topic + kCompressed);
-}
-
 } // namespace
 
 bool BagImages::isNeeded(const RunBagOptions& options, const BagInput& input) {
-  return hasImages(input, options.left_image) && hasImages(input, options.right_image) &&
+  return input.hasImages(options.left_image) && input.hasImages(options.right_image) &&
          !input.has(options.topics.features);
 }
 

@@ -29,9 +29,10 @@ class BagImages {
   /// The bag is over: what waits is processed, and the bag of features is complete.
   void finish();
 
-  /// What kept the images from being used; empty: nothing.
+  /// What kept the images, or most of them, from being used; empty: nothing.
   std::string problem() const {
-    return images_.pairs() > 0 ? "" : "images were not used: " + images_.problem();
+    const std::string problem = images_.problem();
+    return problem.empty() ? images_.mostlyWrong() : "images were not used: " + problem;
   }
   std::map<std::string, std::uint64_t> turnedAway() const { return images_.turnedAway(); }
   /// One line on what was made.

@@ -18,6 +18,8 @@ class BagInput {
 
   /// Whether the bag has the topic.
   bool has(const std::string& topic) const;
+  /// The same of images, which may be compressed ones on TOPIC/compressed.
+  bool hasImages(const std::string& topic) const { return has(topic) || has(topic + "/compressed"); }
   /// `handler` gets the messages of the topic too, before `intake` does. Throws BagError where the bag's
   /// topic has another type.
   void listen(const std::string& topic, const std::string& type,

@@ -1,4 +1,5 @@
 /// Offline runner: a bag in, files out. See kRunBagHelp.
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <csignal>
@@ -12,8 +13,8 @@
 #ifdef VI_EKF_SLAM_FRONT_END
 #include "bag_images.hpp"
 #endif
-#include "progress.hpp"
 #include "program_options.hpp"
+#include "progress.hpp"
 #include "run_bag_options.hpp"
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"
@@ -55,6 +56,22 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
            "clock? (check_rig.py tells more)";
   }
   return {};
+}
+
+/// Of what was turned away the most frequent, which mostly is the cause of a problem.
+std::string chiefOf(const std::map<std::string, std::uint64_t>& turned_away) {
+  const auto most = std::max_element(turned_away.begin(), turned_away.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == turned_away.end()) return {};
+  return "; turned away: " + most->first + ": " + std::to_string(most->second);
+}
+
+/// Names the images of one camera where the bag has none of the other one.
+std::string loneImage(const RunBagOptions& options, const BagInput& input) {
+  const bool left = input.hasImages(options.left_image), right = input.hasImages(options.right_image);
+  if (left == right || input.has(options.topics.features)) return {};
+  return "; its images are those of one camera alone: there is no " +
+         (left ? options.right_image : options.left_image);
 }
 
 void printSummary(const RunBagOptions& options, const RunWriter& writer, const RunSummary& summary,
@@ -124,8 +141,8 @@ struct BagImages {
 
 std::unique_ptr<BagImages> imagesOf(const RunBagOptions& options, const FullConfig& /*config*/,
                                     BagInput& input, Intake& /*intake*/) {
-  const bool has_images = input.has(options.left_image) || input.has(options.left_image + "/compressed");
-  if (!options.save_features.empty() || (has_images && !input.has(options.topics.features)))
+  if (!options.save_features.empty() ||
+      (input.hasImages(options.left_image) && !input.has(options.topics.features)))
     throw BagError(options.bag +
                    ": its images need the front end, which this run_bag was built without (OpenCV)");
   return nullptr;
@@ -188,15 +205,19 @@ int run(const RunBagOptions& options) {
   intake.flush();
   system.flush();
   progress.finish();
-  if (problem.empty() && images) problem = images->problem();
-  if (problem.empty()) problem = inputProblem(system, intake, writer);
+  auto turned_away = intake.turnedAway();
+  if (images) turned_away.merge(images->turnedAway());
+  if (problem.empty()) {
+    problem = inputProblem(system, intake, writer);
+    if (!problem.empty()) problem += chiefOf(turned_away) + loneImage(options, input);
+    if (const std::string of_images = images ? images->problem() : ""; !of_images.empty())
+      problem = of_images;
+  }
 
   const MapEstimate estimate = system.estimator().exactMap()();
   const auto& landmarks = estimate.landmarks;
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
   const std::string source = options.config.empty() ? "built-in defaults" : options.config;
-  auto turned_away = intake.turnedAway();
-  if (images) turned_away.merge(images->turnedAway());
   const RunSummary summary{options.bag,
                            source,
                            wall.count(),

@@ -5,6 +5,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "vi_ekf_slam/core/sensors/words.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
@@ -194,10 +196,23 @@ bool ImageIntake::process(std::optional<PendingPair> pair) {
 }
 
 std::string ImageIntake::problem() const {
+  const ImagePairing::Counts& counts = pairing_.counts();
+  if (front_end_ && pairs_ == 0 && counts.left_alone > 0 && counts.right_alone > 0)
+    return "the stamps of left and right images differ by more than " +
+           rounded(config_.front_end.pair_tolerance_s) +
+           " s (front_end/pair_tolerance_s); are both cameras triggered at once?";
   if (front_end_) return {};
   if (!left_info_) return "no sensor_msgs/CameraInfo on " + topics_.left_info;
   if (!right_info_) return "no sensor_msgs/CameraInfo on " + topics_.right_info;
   return calibration_problem_;
+}
+
+std::string ImageIntake::mostlyWrong() const {
+  for (const auto& [reason, count] : turned_away_) {
+    if (pairs_ > 0 && 2 * count > pairs_)
+      return reason + ": " + std::to_string(count) + " of " + std::to_string(pairs_) + " pairs";
+  }
+  return {};
 }
 
 std::map<std::string, std::uint64_t> ImageIntake::turnedAway() const {

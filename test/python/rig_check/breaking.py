@@ -135,8 +135,8 @@ def losing(entries):
     return [entry for entry in entries if entry[0] != "/imu" or entry[2].header.stamp.nsecs > 4e8]
 
 
-def no_stamp(entries):
-    return every(entries, 1, lambda message: setattr(message.header, "stamp", genpy.Time()), "/features")
+def no_stamp(entries, topic="/features"):
+    return every(entries, 1, lambda message: setattr(message.header, "stamp", genpy.Time()), topic)
 
 
 def late(entries, topic, delay):

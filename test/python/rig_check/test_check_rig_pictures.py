@@ -1,11 +1,14 @@
 """Broken rigs of pictures and an IMU, drawn by simulate_dataset.py --images."""
 
 import argparse
+import subprocess
 
+import breaking
 import cv2
 import numpy as np
 import pytest
 import rigs
+from conftest import HANG_S, program
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.recordings import asl
@@ -92,6 +95,20 @@ def test_the_fault_is_named_first(name, room, tmp_path):
     first = report.first
     assert first is not None and first.level == level and words in first.text, report.findings
     assert first.advice
+
+
+def test_run_bag_names_the_cause_in_its_last_words(room, tmp_path):
+    """Where it makes no pose, on standard error."""
+    for change, words in (
+            (FAULTS["exchanged"][2], "images: left and right look exchanged: "),
+            (FAULTS["other size"][2], "left picture: not of camera_info's size"),
+            (FAULTS["not paired"][2], "differ by more than 0.005 s (front_end/pair_tolerance_s)"),
+            (lambda entries: rigs.without(entries, RIGHT), "there is no /right/image"),
+            (lambda entries: breaking.no_stamp(entries, "/imu"), "imu: stamp is zero")):
+        entries = change(rigs.copies(room))
+        done = subprocess.run([program("run_bag"), rigs.write(str(tmp_path / "changed.bag"), entries), "--output", str(tmp_path / "run"),
+                               "--quiet"], stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, check=False)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1 and words in done.stderr, (words, done.stderr)
 
 
 def test_nothing_is_wrong_with_a_sound_rig(room, tmp_path):

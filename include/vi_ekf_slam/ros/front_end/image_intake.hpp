@@ -67,8 +67,10 @@ class ImageIntake {
   std::size_t wantedFeatures() const { return config_.front_end.features; }
   /// Nothing as long as there is no calibration.
   const FrontEnd* frontEnd() const { return front_end_.get(); }
-  /// What is missing before images can be used; empty: nothing.
+  /// Why no images are used; empty: nothing is wrong, or not known yet.
   std::string problem() const;
+  /// What most of the pairs were of no or little use for, and how many they were; empty: nothing.
+  std::string mostlyWrong() const;
   /// Pairs processed.
   std::uint64_t pairs() const { return pairs_; }
   /// Features that went out.
