@@ -38,7 +38,8 @@ volatile std::sig_atomic_t g_stop = 0;
 /// What went wrong with the input as a whole, if anything.
 std::string inputProblem(const SlamSystem& system, const Intake& intake, const RunWriter& writer) {
   if (const std::string missing = intake.missingInputs(); !missing.empty()) {
-    return "no message on " + missing + ", which the estimator needs (see --imu and so on)";
+    const std::string motion = system.motionText().empty() ? "" : "; motion: " + system.motionText();
+    return "no message on " + missing + ", which the estimator needs (see --imu and so on" + motion + ")";
   }
   if (system.needsRig() && !system.hasRig() && system.counts().frames_without_rig > 0) {
     return "features were not used: " + intake.rigAssembler().problem();

@@ -82,27 +82,37 @@ bool MotionCheck::Samples::take(Stamp now) {
   return isFresh(now);
 }
 
-void MotionCheck::Judged::add(const Compared& motion, double sigma) {
+void MotionCheck::Judged::add(const Compared& motion, double sigma, double offset) {
   if (kSigmasApart * sigma > motion.allowed()) return;
-  if (motion.apart < motion.allowed())
-    ++agreeing;
-  else
-    contradicting.push_back(motion);
-  const auto all = static_cast<double>(count());
-  is_done = count() >= kMixed || contradicts() ||
-            (count() >= kEnough && static_cast<double>(agreeing) >= kAgreeing * all);
+  windows.push_back(motion);
+  const auto all = static_cast<double>(windows.size());
+  // What is common to all windows is a bias, unless it is larger than one. A sensor of another sign, unit or
+  // axes is as far apart as the body moves, each time another way.
+  Eigen::Vector3d common = Eigen::Vector3d::Zero();
+  for (const Compared& w : windows) common += w.apart / all;
+  if (common.norm() > offset) common.setZero();
+  contradicting.clear();
+  std::size_t agreeing = 0;
+  for (const Compared& w : windows) {
+    if (w.agrees())
+      ++agreeing;
+    else if ((w.apart - common).norm() >= w.allowed())
+      contradicting.push_back(w);
+  }
+  is_done = windows.size() >= kMixed || contradicts() ||
+            (windows.size() >= kEnough && static_cast<double>(agreeing) >= kAgreeing * all);
 }
 
 bool MotionCheck::Judged::contradicts() const {
-  return count() >= kEnoughToBlame &&
-         static_cast<double>(contradicting.size()) >= kContradicting * static_cast<double>(count());
+  return windows.size() >= kEnoughToBlame &&
+         static_cast<double>(contradicting.size()) >= kContradicting * static_cast<double>(windows.size());
 }
 
 MotionCheck::Compared MotionCheck::Judged::median() const {
   std::vector<Compared> sorted = contradicting;
   const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
   std::nth_element(sorted.begin(), middle, sorted.end(),
-                   [](const Compared& a, const Compared& b) { return a.apart < b.apart; });
+                   [](const Compared& a, const Compared& b) { return a.apart.norm() < b.apart.norm(); });
   return *middle;
 }
 
@@ -190,21 +200,20 @@ std::string MotionCheck::judge() {
     said += (said.empty() || problem.empty() ? "" : "; ") + problem;
   };
   const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
-                      so3::Log(w.turned.transpose() * seen.rotation()).norm(), kTurnShare};
+                      so3::Log(w.turned.transpose() * seen.rotation()), kTurnShare};
   const bool turns = w.has_gyro && turn.told > kLeastTurn;
   if (!turn_.is_done && (turns || (w.has_gyro && gyro_.is_stuck && turn.seen > kLeastTurn))) {
-    const double bias = length * bias_sigma_;
-    turn_.add(turn, std::sqrt(w.turned_variance + bias * bias + variance(3)));
+    turn_.add(turn, std::sqrt(w.turned_variance + variance(3)), kSigmasApart * length * bias_sigma_);
     conclude(turnProblem());
   }
-  const Compared way{w.way.norm(), w.way.norm(), seen.translation().norm(),
-                     (w.way - seen.translation()).norm(), kWayShare};
+  const Compared way{w.way.norm(), w.way.norm(), seen.translation().norm(), w.way - seen.translation(),
+                     kWayShare};
   const bool travels = way.told > kLeastWay && !mayBeConvoy(way.seen, way.told);
   // At rest a bus may pass. What turns as the pictures do is not at rest.
   const bool is_stuck =
-      velocity_.is_stuck && way.seen > kLeastWay && turns && turn.apart < kTurnShare * turn.told;
+      velocity_.is_stuck && way.seen > kLeastWay && turns && turn.apart.norm() < kTurnShare * turn.told;
   if (!way_.is_done && w.has_velocity && (travels || is_stuck)) {
-    way_.add(way, std::sqrt(w.way_variance + variance(0)));
+    way_.add(way, std::sqrt(w.way_variance + variance(0)), 0.0);
     conclude(wayProblem());
   }
   if (!said.empty()) problem_ += (problem_.empty() ? "" : "; ") + said;
@@ -237,9 +246,9 @@ std::string MotionCheck::asThePicturesDo(const Judged& judged, const std::string
                                          const std::string& hint) {
   const Compared m = judged.median();
   return " as the pictures do: in 1 s by " + rounded(m.whole) + unit + ", the pictures by " +
-         rounded(m.seen) + ", " + rounded(m.apart) + unit + " apart, allowed: " + rounded(m.allowed()) +
-         " (median of " + std::to_string(judged.contradicting.size()) + "); " + hint +
-         " (check_rig.py tells more)";
+         rounded(m.seen) + ", " + rounded(m.apart.norm()) + unit +
+         " apart, allowed: " + rounded(m.allowed()) + " (median of " +
+         std::to_string(judged.contradicting.size()) + "); " + hint + " (check_rig.py tells more)";
 }
 
 } // namespace vi_ekf_slam

@@ -133,6 +133,25 @@ TEST(MotionCheck, AllowsForTheBiasOfAnInertialUnit) {
   }
 }
 
+// A bias is common to all windows; where the body turns one way alone, a wrong sign looks like one.
+TEST(MotionCheck, TellsTheSignOfAnInertialUnitFromItsBias) {
+  for (const bool turns_both_ways : {true, false}) {
+    Road road(6, 40, {0.1, 0.01, 0.5});
+    MotionCheck check{InvariantConfig()};
+    check.setRig(exampleRig());
+    for (int k = 0; k < 300; ++k) {
+      road.setTwist(twistOf(8.0, turns_both_ways && k / 40 % 2 == 1 ? -0.2 : 0.2));
+      ImuSample gyro = road.gyro();
+      gyro.angular_velocity *= -1.0;
+      gyro.acceleration = Eigen::Vector3d(0.0, 0.0, 9.81);
+      check.note(gyro);
+      check.note(road.frame());
+      road.move();
+    }
+    EXPECT_EQ(has(check.problem(), kTurn), turns_both_ways) << check.problem();
+  }
+}
+
 TEST(MotionCheck, IsPartOfTheSystemAndSaysItOnce) {
   Config config;
   SlamSystem system(config);

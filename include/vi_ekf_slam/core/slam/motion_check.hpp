@@ -65,16 +65,17 @@ class MotionCheck {
   /// The motion of a window, in rad or m: told by the sensor, as a whole and from its begin to its end, seen
   /// by the pictures, how far these two are apart, and by which share of the motion they may be.
   struct Compared {
-    double whole, told, seen, apart, share;
+    double whole, told, seen;
+    Eigen::Vector3d apart; ///< the body's axes
+    double share;
     double allowed() const { return share * std::max(told, seen); }
+    bool agrees() const { return apart.norm() < allowed(); }
   };
   struct Judged {
-    std::size_t agreeing = 0;
-    std::vector<Compared> contradicting;
+    std::vector<Compared> windows, contradicting;
     bool is_done = false;
-    std::size_t count() const { return agreeing + contradicting.size(); }
-    /// `sigma` of how far they are apart.
-    void add(const Compared& motion, double sigma);
+    /// `sigma` of how far they are apart; `offset`: how far they may be in all windows alike.
+    void add(const Compared& motion, double sigma, double offset);
     bool contradicts() const;
     /// Of those that contradict, by how far they are apart.
     Compared median() const;
