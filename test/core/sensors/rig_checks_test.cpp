@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <vector>
 
 #include "vi_ekf_slam/core/sensors/arrival_check.hpp"
 #include "vi_ekf_slam/core/sensors/imu_check.hpp"
@@ -9,22 +10,28 @@
 namespace vi_ekf_slam {
 namespace {
 
-/// What is said of 20 frames of 40 points, each changed by `change`.
-template <typename Change>
-std::string saidOf(Change change, double sigma = 0.5) {
+/// What is said of 20 frames of 40 points, each changed by `change`, with the ids that idOf gives to (point,
+/// frame).
+template <typename Change, typename IdOf>
+std::string saidOf(Change change, double sigma, IdOf idOf, double px_a_frame) {
   StereoCheck check;
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, sigma);
   std::uniform_real_distribution<double> pixel(50.0, 350.0);
+  std::vector<StereoPixels> points(40);
+  for (StereoPixels& p : points) {
+    const double u = pixel(random), v = pixel(random);
+    p << u + 20.0, v, u, v;
+  }
   std::string said;
   for (int k = 0; k < 20; ++k) {
     StereoFrame frame;
     frame.stamp = fromSeconds(0.1 * k);
     for (int i = 0; i < 40; ++i) {
-      const double u = pixel(random), v = pixel(random);
       StereoFeatureObservation feature;
-      feature.id = i;
-      feature.pixels << u + 20.0 + noise(random), v + noise(random), u + noise(random), v + noise(random);
+      feature.id = static_cast<FeatureId>(idOf(i, k));
+      feature.pixels = points[static_cast<std::size_t>(i)];
+      for (int c = 0; c < 4; ++c) feature.pixels[c] += noise(random) + (c % 2 == 0 ? px_a_frame * k : 0.0);
       change(feature.pixels);
       frame.features.push_back(feature);
     }
@@ -32,6 +39,11 @@ std::string saidOf(Change change, double sigma = 0.5) {
   }
   EXPECT_EQ(said, check.problem()) << "it is said once";
   return said;
+}
+template <typename Change>
+std::string saidOf(Change change, double sigma = 0.5) {
+  return saidOf(
+      change, sigma, [](int i, int) { return i; }, 3.0);
 }
 
 TEST(StereoCheck, SaysNothingOfARectifiedPair) {
@@ -49,6 +61,22 @@ TEST(StereoCheck, NamesRowsThatDiffer) {
 TEST(StereoCheck, NamesSidesThatAreExchanged) {
   const std::string said = saidOf([](StereoPixels& p) { std::swap(p[0], p[2]); });
   EXPECT_NE(said.find("disparity has the wrong sign: 100 % of the points"), std::string::npos) << said;
+}
+
+// As of a detector whose points are not followed, and of one that counts them anew in each frame, in any
+// order.
+TEST(StereoCheck, NamesIdsThatFollowNoPoint) {
+  const auto saidOfIds = [](auto idOf, double px_a_frame = 3.0) {
+    return saidOf([](StereoPixels&) {}, 0.5, idOf, px_a_frame);
+  };
+  const std::string anew = saidOfIds([](int i, int k) { return 40 * k + i; });
+  EXPECT_EQ(anew.find("ids do not last: 0 % of the points were in the frame before, allowed: at least 10 %"),
+            0u)
+      << anew;
+  const std::string counted = saidOfIds([](int i, int k) { return (i * 7 + k * 11) % 40; });
+  EXPECT_EQ(counted.find("ids do not follow points: against each other they move by "), 0u) << counted;
+  EXPECT_EQ(saidOfIds([](int i, int k) { return i % 5 == k % 5 ? 1000 * k + i : i; }), "") << "some are lost";
+  EXPECT_EQ(saidOfIds([](int i, int) { return i; }, 150.0), "") << "a fast turn";
 }
 
 TEST(StereoCheck, TakesNoNumbersThatAreNone) {
