@@ -1,7 +1,8 @@
-"""Open bags that may be missing or damaged."""
+"""Open bags that may be missing or damaged, and read no more of their messages than is needed."""
 
 import contextlib
 import os
+import struct
 
 from vi_ekf_slam.common.errors import InputError
 
@@ -17,3 +18,9 @@ def open_bag(path):
             yield bag
     except Exception as reason:  # on damaged bags rosbag raises whatever comes up: KeyError, struct.error, ...
         raise InputError("%s: cannot be read as a bag: %s" % (path, str(reason) or type(reason).__name__))
+
+
+def read_header(data):
+    """(stamp ns, frame_id) of a serialised message that begins with a std_msgs/Header; the rest is not unpacked, which takes long."""
+    _, seconds, nanoseconds, length = struct.unpack_from("<4I", data)
+    return seconds * 10**9 + nanoseconds, data[16:16 + length].decode(errors="replace")

@@ -1,12 +1,10 @@
 """What an evaluation needs from a bag: frame stamps, the extrinsic and the recorded ground truth."""
 
-import struct
-
 import genpy
 import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
-from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.bag.opening import open_bag, read_header
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 
 FEATURES, INFO = "/features", "/left/camera_info"
@@ -36,20 +34,14 @@ def read_reference(path):
             else:
                 truth = _read_path(message)
         for topic, (_, data, _, _, kind), _ in bag.read_messages([FEATURES, INFO, "/imu"], raw=True):
-            stamp, frame = _read_header(data, kind)
+            if not kind._has_header:
+                raise ValueError("%s has no header" % kind._type)
+            stamp, frame = read_header(data)
             frames.setdefault(topic, frame)
             if topic in stamps:
-                stamps[topic].append(stamp)
+                stamps[topic].append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
     camera = FEATURES if stamps[FEATURES] else INFO
     return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
-
-
-def _read_header(data, kind):
-    """(stamp in s, frame) of a message that begins with a std_msgs/Header; the rest, mostly features, would take long to unpack."""
-    if not kind._has_header:
-        raise ValueError("%s has no header" % kind._type)
-    _, seconds, nanoseconds, length = struct.unpack_from("<4I", data)
-    return genpy.Time(seconds, nanoseconds).to_sec(), data[16:16 + length].decode()
 
 
 def _read_path(message):

@@ -5,7 +5,7 @@ from collections import namedtuple
 import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
-from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.bag.opening import open_bag, read_header
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 from vi_ekf_slam.rig_check import topics as names
@@ -66,7 +66,7 @@ class Rig:
                 continue
             name = readers[topic]
             message = self._message(raw) if not name.endswith("image") else None
-            stamp, frame_id = (message.header.stamp.to_nsec(), message.header.frame_id) if message else _header(raw[1])
+            stamp, frame_id = (message.header.stamp.to_nsec(), message.header.frame_id) if message else read_header(raw[1])
             heads.setdefault(name, frame_id if name != "wheel_odometry" else message.child_frame_id)
             rows[name].append((stamp, received.to_nsec()))
             self._value(name, message, values[name])
@@ -152,9 +152,3 @@ class Rig:
                     found[there] = there_T_here @ found[here]
                     queue.append(there)
         return found.get(target)
-
-
-def _header(data):
-    """(stamp ns, frame_id) of a serialised message that begins with a std_msgs/Header."""
-    _, seconds, nanoseconds, length = np.frombuffer(data[:16], dtype="<u4")
-    return int(seconds) * 10**9 + int(nanoseconds), bytes(data[16:16 + int(length)]).decode(errors="replace")

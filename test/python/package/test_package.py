@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from fnmatch import fnmatch
 
 import pytest
 from conftest import HANG_S, ROOT, script
@@ -59,6 +60,9 @@ def test_pytest_at_the_root_collects_the_python_tests_alone(pytestconfig):
              for below, _, names in os.walk(os.path.join(ROOT, "test")) for name in names
              if name.startswith("test_") and name.endswith(".py")]
     assert len(there) > 40 and [path for path in there if not path.startswith("test/python/")] == []
+    assert len({os.path.basename(path) for path in there}) == len(there)  # of two of one name, in no package, it takes none
+    skipped = pytestconfig.getini("norecursedirs")
+    assert not [path for path in there for folder in path.split("/")[:-1] for pattern in skipped if fnmatch(folder, pattern)]
 
 
 def test_every_folder_of_modules_is_a_package():

@@ -1,9 +1,11 @@
 """Rigs in perfect order, in memory, and bags of them with something broken. SI units, stamps in ns."""
 
 import copy
+import subprocess
 
 import cv2
 import numpy as np
+from conftest import HANG_S, program
 
 from vi_ekf_slam.bag.recording_writer import messages
 from vi_ekf_slam.bag.writer import write_bag
@@ -86,6 +88,12 @@ def write(path, entries):
     """A bag of them, in the order of their record times."""
     write_bag(path, sorted(entries, key=lambda entry: (entry[1].to_nsec(), "info" not in entry[0] and "tf" not in entry[0])))
     return path
+
+
+def run_bag(bag, output):
+    """The finished run_bag, which says nothing but what is wrong."""
+    return subprocess.run([program("run_bag"), bag, "--output", output, "--quiet"], stdout=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, universal_newlines=True, timeout=HANG_S, check=False)
 
 
 def of(entries, *topics):
