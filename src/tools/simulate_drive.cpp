@@ -1,61 +1,69 @@
 /// Writes a simulated drive into a directory as .npy arrays; scripts/simulate_dataset.py packs them.
 
 #include <cstdint>
-#include <cstring>
 #include <exception>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "program_options.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/npy.hpp"
 
 namespace vi_ekf_slam::simulation {
 namespace {
 
-void printUsage() {
-  std::cout << "usage: simulate_drive [--progress] DIRECTORY [--OPTION VALUE]...\n"
-               "       simulate_drive --describe\n\n"
-               "Writes a simulated drive as .npy files into DIRECTORY, which must exist.\n"
-               "--progress prints the fraction that is done, a line each percent; --describe prints the "
-               "options as\n"
-               "lines 'name TAB default TAB unit TAB help'.\n\noptions:\n";
-  for (const DriveOptionField& field : driveOptionFields()) {
-    std::cout << "  --" << field.name << " [" << driveOptionText({}, field) << (*field.unit ? " " : "")
-              << field.unit << "]  " << field.help << "\n";
-  }
-}
+namespace po = boost::program_options;
 
-void describe() {
-  for (const DriveOptionField& field : driveOptionFields()) {
-    std::cout << field.name << '\t' << driveOptionText({}, field) << '\t' << field.unit << '\t' << field.help
-              << '\n';
-  }
-}
+constexpr char kUsage[] =
+    "usage: simulate_drive [--progress] DIRECTORY [--OPTION VALUE]...\n"
+    "       simulate_drive --describe\n\n"
+    "Writes a simulated drive as .npy files into DIRECTORY, which must exist.\n";
 
 struct Arguments {
   std::string directory;
   bool progress = false;
-  DriveOptions options;
+  DriveOptions drive;
 };
 
-Arguments parse(const std::vector<std::string>& words) {
-  Arguments arguments;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    if (words[i] == "--progress") {
-      arguments.progress = true;
-    } else if (words[i].compare(0, 2, "--") == 0) {
-      const std::string name = words[i].substr(2);
-      if (i + 1 == words.size()) throw std::invalid_argument("option '" + name + "' has no value");
-      setDriveOption(arguments.options, name, words[++i]);
-    } else if (arguments.directory.empty()) {
-      arguments.directory = words[i];
-    } else {
-      throw std::invalid_argument("one directory only, not also '" + words[i] + "'");
-    }
+po::options_description driveOptions(DriveOptions& drive) {
+  po::options_description known("the drive");
+  for (const DriveOptionField& field : driveOptionFields()) {
+    const std::string standard = driveOptionText({}, field) + (*field.unit ? " " : "") + field.unit;
+    auto* value = po::value<std::string>()->value_name("[" + standard + "]");
+    value->notifier([&drive, &field](const std::string& text) { setDriveOption(drive, field.name, text); });
+    known.add_options()(field.name, value, field.help);
   }
-  if (arguments.directory.empty()) throw std::invalid_argument("no directory given");
+  return known;
+}
+
+/// What is to be written, or nothing where all that was asked for has been printed.
+std::optional<Arguments> parse(int argc, char** argv) {
+  Arguments arguments;
+  bool help = argc == 1, describe = false;
+  po::options_description known;
+  known.add_options()("help,h", po::bool_switch(&help)->default_value(help), "this text")(
+      "progress", po::bool_switch(&arguments.progress), "print 'progress PERCENT', a line each percent")(
+      "describe", po::bool_switch(&describe),
+      "print the drive's options as 'name TAB default TAB unit TAB help'");
+  po::options_description all;
+  all.add(known)
+      .add(driveOptions(arguments.drive))
+      .add_options()("directory", po::value(&arguments.directory));
+  parseOptions(argc, argv, all, "directory");
+  if (help) {
+    std::cout << kUsage << known << '\n' << driveOptions(arguments.drive);
+    return std::nullopt;
+  }
+  if (describe) {
+    for (const DriveOptionField& field : driveOptionFields())
+      std::cout << field.name << '\t' << driveOptionText({}, field) << '\t' << field.unit << '\t'
+                << field.help << '\n';
+    return std::nullopt;
+  }
+  if (arguments.directory.empty()) throw UsageError("no directory given");
   return arguments;
 }
 
@@ -118,7 +126,7 @@ class Columns {
 };
 
 void run(const Arguments& arguments) {
-  const DriveOptions& options = arguments.options;
+  const DriveOptions& options = arguments.drive;
   if (options.hasRawImu()) {
     throw std::invalid_argument("option 'motion' is '" + std::string(nameOf(options.motion)) +
                                 "', allowed: car or process: a dataset has one twist a frame");
@@ -144,15 +152,8 @@ void run(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   namespace sim = vi_ekf_slam::simulation;
-  const std::vector<std::string> words(argv + 1, argv + argc);
   try {
-    if (words.empty() || words[0] == "--help" || words[0] == "-h") {
-      sim::printUsage();
-    } else if (words[0] == "--describe") {
-      sim::describe();
-    } else {
-      sim::run(sim::parse(words));
-    }
+    if (const auto arguments = sim::parse(argc, argv)) sim::run(*arguments);
   } catch (const std::exception& error) {
     std::cerr << "simulate_drive: " << error.what() << std::endl;
     return 1;
