@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/sensors/median.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
 
 namespace vi_ekf_slam {
@@ -20,20 +21,11 @@ constexpr double kLeast = 0.3, kMost = 3.0; // of gravity, their mean norm
 constexpr double kMaxRate = 70.0;           // rad/s: gyros end at 4000 deg/s
 constexpr double kLeastInG = 0.7, kMostInG = 1.4;
 
-double medianOf(const std::deque<double>& values) {
-  std::vector<double> sorted(values.begin(), values.end());
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  return *middle;
-}
-
 } // namespace
 
 std::string ImuCheck::problem() const {
   std::string all;
-  for (const std::string& fault : faults_) {
-    if (!fault.empty()) all += (all.empty() ? "" : "; ") + fault;
-  }
+  for (const std::string& fault : faults_) addProblem(all, fault);
   return all;
 }
 

@@ -196,15 +196,12 @@ std::string MotionCheck::judge() {
     return state.pose_covariance.block<3, 3>(row, row).trace();
   };
   std::string said;
-  const auto conclude = [&said](const std::string& problem) {
-    said += (said.empty() || problem.empty() ? "" : "; ") + problem;
-  };
   const Compared turn{w.angle, so3::Log(w.turned).norm(), so3::Log(seen.rotation()).norm(),
                       so3::Log(w.turned.transpose() * seen.rotation()), kTurnShare};
   const bool turns = w.has_gyro && turn.told > kLeastTurn;
   if (!turn_.is_done && (turns || (w.has_gyro && gyro_.is_stuck && turn.seen > kLeastTurn))) {
     turn_.add(turn, std::sqrt(w.turned_variance + variance(3)), kSigmasApart * length * bias_sigma_);
-    conclude(turnProblem());
+    addProblem(said, turnProblem());
   }
   const Compared way{w.way.norm(), w.way.norm(), seen.translation().norm(), w.way - seen.translation(),
                      kWayShare};
@@ -214,9 +211,9 @@ std::string MotionCheck::judge() {
       velocity_.is_stuck && way.seen > kLeastWay && turns && turn.apart.norm() < kTurnShare * turn.told;
   if (!way_.is_done && w.has_velocity && (travels || is_stuck)) {
     way_.add(way, std::sqrt(w.way_variance + variance(0)), 0.0);
-    conclude(wayProblem());
+    addProblem(said, wayProblem());
   }
-  if (!said.empty()) problem_ += (problem_.empty() ? "" : "; ") + said;
+  addProblem(problem_, said);
   return said;
 }
 

@@ -5,6 +5,7 @@
 #include <boost/make_shared.hpp>
 #include <utility>
 
+#include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/front_end/track_drawing.hpp"
 #include "vi_ekf_slam/ros/node/settings.hpp"
 
@@ -141,8 +142,7 @@ void FrontEndNode::report() {
   if (turned_away == warned_) return;
   warned_ = turned_away;
   std::string text;
-  for (const auto& [reason, count] : turned_away)
-    text += (text.empty() ? "" : "; ") + reason + ": " + std::to_string(count);
+  for (const auto& [reason, count] : turned_away) addProblem(text, reason + ": " + std::to_string(count));
   ROS_WARN_STREAM(text);
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 namespace vi_ekf_slam {
@@ -151,7 +152,7 @@ void RigAssembler::update() {
   SE3 cam_T_imu;
   if (left_) note(transformProblem(cam_T_imu));
   problem_.clear();
-  for (const std::string& text : problems) problem_ += (problem_.empty() ? "" : "; ") + text;
+  for (const std::string& text : problems) addProblem(problem_, text);
   if (problems.empty()) rig_ = StereoRig{stereoCamera(*left_, *right_), cam_T_imu};
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/node/told_pose.hpp"
 #include "vi_ekf_slam/ros/node/told_state.hpp"
@@ -249,7 +250,7 @@ std::string SlamNode::setState(const SetState::Request& request) {
 
 void SlamNode::warn() {
   std::string warning;
-  const auto add = [&warning](const std::string& text) { warning += (warning.empty() ? "" : "; ") + text; };
+  const auto add = [&warning](const std::string& text) { addProblem(warning, text); };
   if (const std::string missing = intake_.missingInputs(); !missing.empty())
     add("no message yet on " + missing);
   if (intake_.received() == 0) {

@@ -13,4 +13,9 @@ inline std::string rounded(double value) {
   return stream.str();
 }
 
+/// Adds what else is wrong, if anything, to `problems`.
+inline void addProblem(std::string& problems, const std::string& problem) {
+  problems += (problems.empty() || problem.empty() ? "" : "; ") + problem;
+}
+
 } // namespace vi_ekf_slam
