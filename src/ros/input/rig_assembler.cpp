@@ -142,18 +142,14 @@ std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
 
 void RigAssembler::update() {
   if (rig_) return;
-  std::vector<std::string> problems;
-  const auto note = [&problems](const std::string& text) {
-    if (!text.empty()) problems.push_back(text);
-  };
+  problem_.clear();
+  const auto note = [this](const std::string& text) { addProblem(problem_, text); };
   note(left_ ? infoProblem(*left_, left_topic_) : "no sensor_msgs/CameraInfo on " + left_topic_);
   note(right_ ? infoProblem(*right_, right_topic_) : "no sensor_msgs/CameraInfo on " + right_topic_);
-  if (problems.empty()) note(pairProblem(*left_, *right_));
+  if (problem_.empty()) note(pairProblem(*left_, *right_));
   SE3 cam_T_imu;
   if (left_) note(transformProblem(cam_T_imu));
-  problem_.clear();
-  for (const std::string& text : problems) addProblem(problem_, text);
-  if (problems.empty()) rig_ = StereoRig{stereoCamera(*left_, *right_), cam_T_imu};
+  if (problem_.empty()) rig_ = StereoRig{stereoCamera(*left_, *right_), cam_T_imu};
 }
 
 } // namespace vi_ekf_slam
