@@ -3,13 +3,13 @@
 
 #include <benchmark/benchmark.h>
 
-#include <algorithm>
 #include <ctime>
 #include <numeric>
 #include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/run/memory.hpp"
+#include "vi_ekf_slam/core/sensors/median.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
 #include "vi_ekf_slam/simulation/stale_repair.hpp"
@@ -85,12 +85,6 @@ class Run {
   std::size_t next_ = 0;
 };
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
@@ -117,7 +111,7 @@ void rates(benchmark::State& run) {
   run.counters["ms_10Hz"] = mean(slow_ms);
   run.counters["ms_400Hz"] = mean(fast_ms);
   run.counters["ratio"] = mean(fast_ms) / mean(slow_ms);
-  run.counters["ratio_median"] = median(fast_ms) / median(slow_ms); // of the frames' times
+  run.counters["ratio_median"] = medianOf(fast_ms) / medianOf(slow_ms); // of the frames' times
 }
 
 BENCHMARK(rates)

@@ -48,13 +48,12 @@ std::optional<Arguments> parse(int argc, char** argv) {
       "progress", po::bool_switch(&arguments.progress), "print 'progress PERCENT', a line each percent")(
       "describe", po::bool_switch(&describe),
       "print the drive's options as 'name TAB default TAB unit TAB help'");
+  const po::options_description drive = driveOptions(arguments.drive);
   po::options_description all;
-  all.add(known)
-      .add(driveOptions(arguments.drive))
-      .add_options()("directory", po::value(&arguments.directory));
+  all.add(known).add(drive).add_options()("directory", po::value(&arguments.directory));
   parseOptions(argc, argv, all, "directory");
   if (help) {
-    std::cout << kUsage << known << '\n' << driveOptions(arguments.drive);
+    std::cout << kUsage << known << '\n' << drive;
     return std::nullopt;
   }
   if (describe) {

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "vi_ekf_slam/core/sensors/median.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -50,11 +53,7 @@ void StandstillDetector::addFrame(const StereoFrame& frame) {
   }
   last_.swap(now);
   last_stamp_ = frame.stamp;
-  if (motions.size() >= kLeastTracks) {
-    const auto middle = motions.begin() + static_cast<std::ptrdiff_t>(motions.size() / 2);
-    std::nth_element(motions.begin(), middle, motions.end());
-    flows_.push_back({frame.stamp, *middle});
-  }
+  if (motions.size() >= kLeastTracks) flows_.push_back({frame.stamp, medianOf(std::move(motions))});
   forgetBefore(flows_, frame.stamp);
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <utility>
-#include <vector>
 
 #include "vi_ekf_slam/core/sensors/median.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
