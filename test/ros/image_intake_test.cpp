@@ -168,5 +168,30 @@ TEST_F(Calibration, names_a_size_that_nobody_gave) {
   EXPECT_EQ("left/camera_info: width x height is 0 x 480, allowed: 32 to 16384 px", problem_);
 }
 
+TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_stays_so) {
+  PairCalibration calibration(ImageKind::kAuto, {});
+  calibration.setImuFrame("imu");
+  EXPECT_EQ("no sensor_msgs/CameraInfo on left/camera_info", calibration.problem());
+  calibration.addLeft(info(false));
+  EXPECT_EQ("no sensor_msgs/CameraInfo on right/camera_info", calibration.problem());
+  calibration.addRight(info(true));
+  EXPECT_EQ("", calibration.problem());
+  ASSERT_TRUE(calibration.cameras());
+  EXPECT_EQ("left_optical", calibration.leftFrame());
+  EXPECT_FALSE(calibration.cam_R_imu());
+  tf2_msgs::TFMessage transforms;
+  transforms.transforms.resize(1);
+  transforms.transforms[0].header.frame_id = "imu";
+  transforms.transforms[0].child_frame_id = "left_optical";
+  transforms.transforms[0].transform.rotation.z = 1.0;
+  calibration.addTransforms(transforms, true);
+  ASSERT_TRUE(calibration.cam_R_imu());
+  EXPECT_TRUE(calibration.cam_R_imu()->diagonal().isApprox(Eigen::Vector3d(-1.0, -1.0, 1.0)));
+  sensor_msgs::CameraInfo other = info(false);
+  other.header.frame_id = "other";
+  calibration.addLeft(other);
+  EXPECT_EQ("left_optical", calibration.leftFrame());
+}
+
 } // namespace
 } // namespace vi_ekf_slam

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Imu.h>
-#include <tf2_msgs/TFMessage.h>
 
 #include <cstdint>
 #include <deque>
@@ -11,25 +9,18 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "vi_ekf_slam/StereoFeatureArray.h"
 #include "vi_ekf_slam/front_end/front_end.hpp"
 #include "vi_ekf_slam/front_end/image_pairing.hpp"
 #include "vi_ekf_slam/ros/front_end/image_decoder.hpp"
-#include "vi_ekf_slam/ros/input/frame_tree.hpp"
-#include "vi_ekf_slam/ros/intake.hpp"
-#include "vi_ekf_slam/ros/ros_config.hpp"
+#include "vi_ekf_slam/ros/front_end/pair_calibration.hpp"
 
 namespace vi_ekf_slam {
 
-/// The calibration that the two camera_infos describe; nothing, and in `problem` a sentence that names topic,
-/// field, value and what is allowed, where they describe none.
-std::optional<StereoCalibration> stereoCalibration(const sensor_msgs::CameraInfo& left,
-                                                   const sensor_msgs::CameraInfo& right, ImageKind images,
-                                                   const InputTopics& topics, std::string& problem);
-
 /// The one path from messages with images to features, for the node, the nodelet and run_bag alike: pairs and
-/// decodes, puts the calibration together, counts what it turns away.
+/// decodes, waits for the calibration, counts what it turns away.
 class ImageIntake {
  public:
   using FeatureHandler = std::function<void(const StereoFeatureArray&)>;
@@ -43,16 +34,22 @@ class ImageIntake {
   void addRight(const sensor_msgs::ImageConstPtr& message) { pairing_.addRight(pending(message)); }
   void addLeft(const sensor_msgs::CompressedImageConstPtr& message) { pairing_.addLeft(pending(message)); }
   void addRight(const sensor_msgs::CompressedImageConstPtr& message) { pairing_.addRight(pending(message)); }
-  void addLeftInfo(const sensor_msgs::CameraInfo& message);
-  void addRightInfo(const sensor_msgs::CameraInfo& message);
+  void addLeftInfo(const sensor_msgs::CameraInfo& message) {
+    calibration_.addLeft(message);
+    begin();
+  }
+  void addRightInfo(const sensor_msgs::CameraInfo& message) {
+    calibration_.addRight(message);
+    begin();
+  }
   void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);
   void add(const sensor_msgs::Imu& message);
 
   /// Called with each pair's images once it is processed.
-  void onPair(PairHandler handler) { on_pair_ = std::move(handler); }
+  void onPair(PairHandler handler) { handlers_.pair = std::move(handler); }
   /// Called once, with a sentence, when the calibration is known.
   void onCalibration(std::function<void(const std::string&)> handler) {
-    on_calibration_ = std::move(handler);
+    handlers_.calibration = std::move(handler);
   }
 
   /// Processes the oldest pair that is complete; false: there is none.
@@ -63,8 +60,8 @@ class ImageIntake {
   void close() { pairing_.close(); }
 
   /// Left optical frame; empty as long as there is no calibration.
-  const std::string& leftFrame() const { return left_frame_; }
-  std::size_t wantedFeatures() const { return config_.front_end.features; }
+  const std::string& leftFrame() const { return calibration_.leftFrame(); }
+  std::size_t wantedFeatures() const { return config_.features; }
   /// Nothing as long as there is no calibration.
   const FrontEnd* frontEnd() const { return front_end_.get(); }
   /// Why no images are used; empty: nothing is wrong, or not known yet.
@@ -72,9 +69,9 @@ class ImageIntake {
   /// What most of the pairs were of no or little use for, and how many they were; empty: nothing.
   std::string mostlyWrong() const;
   /// Pairs processed.
-  std::uint64_t pairs() const { return pairs_; }
+  std::uint64_t pairs() const { return counts_.pairs; }
   /// Features that went out.
-  std::uint64_t features() const { return features_; }
+  std::uint64_t features() const { return counts_.features; }
   /// Pairs given up for newer ones.
   std::uint64_t shed() const { return pairing_.counts().shed; }
   /// s of CPU time that the last pair took, without decoding.
@@ -83,32 +80,35 @@ class ImageIntake {
   std::map<std::string, std::uint64_t> turnedAway() const;
 
  private:
+  struct Handlers {
+    FeatureHandler features;
+    PairHandler pair;
+    std::function<void(const std::string&)> calibration;
+  };
+  struct Counts {
+    std::uint64_t pairs = 0, features = 0;
+    std::map<std::string, std::uint64_t> turned_away;
+  };
+
   template <typename MessagePtr>
   PendingImage pending(const MessagePtr& message);
   bool process(std::optional<PendingPair> pair);
   cv::Mat decode(const PendingImage& image, const char* side);
-  void calibrate();
+  void begin();
+  void updateRotation();
   void updateHold();
-  void updateTransform();
 
-  FullConfig config_;
-  InputTopics topics_;
-  FeatureHandler on_features_;
-  PairHandler on_pair_;
-  std::function<void(const std::string&)> on_calibration_;
+  FrontEndConfig config_;
+  Handlers handlers_;
   ImagePairing pairing_;
   ImageDecoder decoder_;
-  FrameTree frames_;
-  std::string imu_frame_, left_frame_, calibration_problem_;
-  std::optional<sensor_msgs::CameraInfo> left_info_, right_info_;
-  Eigen::Matrix3d rectification_ = Eigen::Matrix3d::Identity();
-  bool has_rotation_ = false;   ///< the front end knows how the camera sits on the IMU
-  bool waits_for_rotation_;     ///< pairs wait for that
+  std::string imu_frame_;
+  PairCalibration calibration_;
+  bool waits_for_rotation_;     ///< pairs do, for how the camera sits on the IMU
   std::deque<ImuSample> early_; ///< before the front end was there
   std::unique_ptr<FrontEnd> front_end_;
-  std::uint64_t pairs_ = 0, features_ = 0;
+  Counts counts_;
   double last_seconds_ = 0.0;
-  std::map<std::string, std::uint64_t> turned_away_;
 };
 
 } // namespace vi_ekf_slam

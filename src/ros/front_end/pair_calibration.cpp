@@ -1,0 +1,109 @@
+#include "vi_ekf_slam/ros/front_end/pair_calibration.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace vi_ekf_slam {
+namespace {
+
+template <std::size_t N>
+cv::Matx33d columns3(const boost::array<double, N>& row_major, std::size_t stride) {
+  cv::Matx33d matrix;
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t column = 0; column < 3; ++column)
+      matrix(static_cast<int>(row), static_cast<int>(column)) = row_major[row * stride + column];
+  }
+  return matrix;
+}
+
+/// Throws std::invalid_argument.
+CameraModel cameraModel(const sensor_msgs::CameraInfo& info, ImageKind images) {
+  CameraModel::Parameters p;
+  p.size = {static_cast<int>(std::min(info.width, 65536u)), static_cast<int>(std::min(info.height, 65536u))};
+  p.D = info.D;
+  p.K = columns3(info.K, 3);
+  p.P = columns3(info.P, 4);
+  const Eigen::Matrix3d R = rectification(info);
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) p.R(row, column) = R(row, column);
+  }
+  const std::string& model = info.distortion_model;
+  if (model == "equidistant" || model == "fisheye") {
+    p.distortion = CameraModel::Distortion::kEquidistant;
+  } else if (model != "plumb_bob" && model != "rational_polynomial" && !(model.empty() && p.D.empty()) &&
+             images != ImageKind::kRectified) {
+    throw std::invalid_argument("distortion_model is '" + model +
+                                "', allowed: plumb_bob, rational_polynomial, equidistant");
+  }
+  p.images_are_rectified = images == ImageKind::kRectified || (images == ImageKind::kAuto && isRectified(p));
+  return CameraModel(p);
+}
+
+} // namespace
+
+std::optional<StereoCalibration> stereoCalibration(const sensor_msgs::CameraInfo& left,
+                                                   const sensor_msgs::CameraInfo& right, ImageKind images,
+                                                   const InputTopics& topics, std::string& problem) {
+  problem = stereoProblem(left, right, topics.left_info, topics.right_info);
+  if (!problem.empty()) return std::nullopt;
+  const auto modelOf = [&](const sensor_msgs::CameraInfo& info, const std::string& topic) {
+    try {
+      return CameraModel(cameraModel(info, images));
+    } catch (const std::exception& e) {
+      throw std::invalid_argument(topic + ": " + e.what());
+    }
+  };
+  try {
+    return StereoCalibration{modelOf(left, topics.left_info), modelOf(right, topics.right_info),
+                             stereoCamera(left, right)};
+  } catch (const std::exception& e) {
+    problem = e.what();
+    return std::nullopt;
+  }
+}
+
+void PairCalibration::addLeft(const sensor_msgs::CameraInfo& info) {
+  if (cameras_) return;
+  left_ = info;
+  left_frame_ = conversions::frameName(info.header.frame_id);
+  updateCameras();
+}
+
+void PairCalibration::addRight(const sensor_msgs::CameraInfo& info) {
+  if (cameras_) return;
+  right_ = info;
+  updateCameras();
+}
+
+void PairCalibration::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+  frames_.add(message, is_static);
+  updateRotation();
+}
+
+void PairCalibration::setImuFrame(const std::string& imu_frame) {
+  imu_frame_ = imu_frame;
+  updateRotation();
+}
+
+std::string PairCalibration::problem() const {
+  if (!left_) return "no sensor_msgs/CameraInfo on " + topics_.left_info;
+  if (!right_) return "no sensor_msgs/CameraInfo on " + topics_.right_info;
+  return problem_;
+}
+
+void PairCalibration::updateCameras() {
+  if (!left_ || !right_) return;
+  auto cameras = stereoCalibration(*left_, *right_, images_, topics_, problem_);
+  if (cameras && left_frame_.empty()) problem_ = "frame_id of " + topics_.left_info + " is empty";
+  if (!problem_.empty()) return;
+  cameras_ = std::move(cameras);
+  updateRotation();
+}
+
+void PairCalibration::updateRotation() {
+  if (!cameras_ || cam_R_imu_ || imu_frame_.empty()) return;
+  if (const auto cam_T_imu = frames_.find(left_frame_, imu_frame_))
+    cam_R_imu_ = rectification(*left_) * cam_T_imu->rotation();
+}
+
+} // namespace vi_ekf_slam
