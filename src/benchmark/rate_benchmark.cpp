@@ -77,7 +77,7 @@ class Run {
     return threadSeconds() - start;
   }
 
-  const SystemCounts& counts() const { return system_.counts(); }
+  SystemCounts counts() const { return system_.counts(); }
 
  private:
   Steps steps_;

@@ -47,7 +47,7 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   if (const std::string start = system.estimator().startProblem(); !start.empty())
     return "no pose: the estimator did not start: " + start;
   if (writer.empty()) return "no message gave a pose";
-  const SystemCounts& counts = system.counts();
+  const SystemCounts counts = system.counts();
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     if (counts.late[i] <= counts.processed[i]) continue;
     return std::string(kStreamNames[i]) + ": " + std::to_string(counts.late[i]) + " of " +
@@ -224,10 +224,10 @@ int run(const RunBagOptions& options) {
                            wall.count(),
                            system.counts(),
                            turned_away,
-                           system.noise().streams(),
+                           system.checks().noise().streams(),
                            system.motionText(),
                            system.estimator().startProblem(),
-                           system.imuCheck().counts(),
+                           system.checks().imu().counts(),
                            system.estimator().rig(),
                            intake.imuFrame()};
   writer.writeTrajectory(options.output);

@@ -212,11 +212,12 @@ class Soak {
     writer_.writeTrajectory(options_.output);
     const auto landmarks = system_.estimator().landmarks();
     writer_.writeMap(options_.output, landmarks);
-    writer_.writeSummary(options_.output,
-                         {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(),
-                          system_.noise().streams(), system_.motionText(), system_.estimator().startProblem(),
-                          system_.imuCheck().counts(), system_.estimator().rig(), "imu"},
-                         landmarks.size());
+    writer_.writeSummary(
+        options_.output,
+        {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(),
+         system_.checks().noise().streams(), system_.motionText(), system_.estimator().startProblem(),
+         system_.checks().imu().counts(), system_.estimator().rig(), "imu"},
+        landmarks.size());
     std::ifstream file(options_.output + "/trajectory.tum");
     std::size_t lines = 0;
     for (std::string line; std::getline(file, line);) {

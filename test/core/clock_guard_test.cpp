@@ -55,7 +55,7 @@ TEST(ClockGuard, AStreamOnAnotherClockIsDroppedAndTheOthersGoOn) {
       system.add(m);
     }
     system.flush();
-    const SystemCounts& c = system.counts();
+    const SystemCounts c = system.counts();
     EXPECT_EQ(c.resets, 0U);
     EXPECT_EQ(offset > 0.0 ? c.ahead[kStereo] : c.behind[kStereo], 20U);
     EXPECT_EQ(c.processed[kGyro], 200U);
@@ -74,7 +74,7 @@ TEST(ClockGuard, AStreamOnAnotherClockThatComesFirstIsDroppedAndTheOthersGoOn) {
       if (streamOf(m) != Stream::kVelocity) system.add(m);
     }
     system.flush();
-    const SystemCounts& c = system.counts();
+    const SystemCounts c = system.counts();
     EXPECT_EQ(c.processed[kGyro], 200U);
     EXPECT_EQ(c.processed[kStereo], 20U);
     EXPECT_EQ(offset > 0.0 ? c.ahead[kVelocity] : c.behind[kVelocity], n - 1);

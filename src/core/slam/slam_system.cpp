@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
 #include "vi_ekf_slam/core/slam/inertial_estimator.hpp"
 
@@ -15,28 +14,6 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the IMU, and for biases told
-
-enum class Fault { kNone, kNotFinite, kTooFast, kBadCovariance };
-
-Fault faultOf(const Eigen::Vector3d& value, double max_norm,
-              const std::optional<Eigen::Matrix3d>& covariance) {
-  if (!value.allFinite()) return Fault::kNotFinite;
-  if (!(value.norm() <= max_norm)) return Fault::kTooFast;
-  if (!covariance) return Fault::kNone;
-  if (!covariance->allFinite()) return Fault::kBadCovariance;
-  const Eigen::Matrix3d& C = *covariance;
-  const double asymmetry = (C - C.transpose()).cwiseAbs().maxCoeff();
-  const bool good = asymmetry <= 1e-9 * C.cwiseAbs().maxCoeff() && isPositiveDefinite(C);
-  return good ? Fault::kNone : Fault::kBadCovariance;
-}
-
-Fault faultOf(const ImuSample& s) {
-  const Fault gyro = faultOf(s.angular_velocity, kMaxAngularSpeed, s.covariance);
-  if (gyro != Fault::kNone || !s.acceleration) return gyro;
-  return faultOf(*s.acceleration, kMaxAcceleration, s.acceleration_covariance);
-}
-Fault faultOf(const VelocitySample& s) { return faultOf(s.linear_velocity, kMaxSpeed, s.covariance); }
-Fault faultOf(const StereoFrame&) { return Fault::kNone; } // features are judged one by one, by the estimator
 
 std::string withoutNumbers(std::string text) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || c == '.'; };
@@ -55,68 +32,47 @@ std::unique_ptr<Estimator> makeEstimator(const Config& config) {
 
 SlamSystem::SlamSystem(const Config& config)
     : config_(config),
-      motion_(config.estimator == EstimatorType::kPaper ? MotionChoice::kConstantTwist
-                                                        : config.invariant.choice),
-      guard_(config.buffer),
-      buffer_(config.buffer),
+      motion_(config),
+      arrivals_(config.buffer),
       estimator_(vi_ekf_slam::makeEstimator(config)),
       lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
-      noise_(config),
-      imu_check_(config.invariant.inertial.gravity),
-      motion_check_(config.invariant) {
-  noise_.setInertial(motion_ == MotionChoice::kInertial);
-  if (motion_ != MotionChoice::kAuto && config.estimator != EstimatorType::kPaper)
-    motion_text_ = motion_ == MotionChoice::kInertial ? "inertial, configured" : "constant twist, configured";
+      checks_(config) {
+  checks_.setInertial(motion_.isInertial());
 }
 
 std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
   Config config = config_;
-  config.invariant.choice = motion_;
+  config.invariant.choice = motion_.choice();
   auto estimator = vi_ekf_slam::makeEstimator(config);
-  if (rig_) estimator->setRig(*rig_);
-  if (bias_) estimator->setBiasPrior(*bias_);
-  if (loaded_map_) estimator->relocaliseIn(loaded_map_);
+  if (given_.rig) estimator->setRig(*given_.rig);
+  if (given_.bias) estimator->setBiasPrior(*given_.bias);
+  if (given_.map) estimator->relocaliseIn(given_.map);
   return estimator;
 }
 
-/// Nothing has been processed yet.
-void SlamSystem::choose(MotionChoice motion, const std::string& reason) {
-  motion_ = motion;
-  noise_.setInertial(motion == MotionChoice::kInertial);
-  if (motion == MotionChoice::kInertial) estimator_ = makeEstimator();
-  motion_text_ = (motion == MotionChoice::kInertial ? "inertial, " : "constant twist, ") + reason;
-  if (handlers_.start) handlers_.start("motion: " + motion_text_);
-}
-
-void SlamSystem::chooseBy(const ImuSample& sample) {
-  if (!sample.acceleration)
-    return choose(MotionChoice::kConstantTwist,
-                  "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
-  if (const std::optional<bool> is_fast = imu_rate_.suffices(sample.stamp))
-    *is_fast ? choose(MotionChoice::kInertial, "the IMU's messages carry accelerations") : chooseWithout();
-}
-
-/// Without accelerations.
-void SlamSystem::chooseWithout() {
-  choose(MotionChoice::kConstantTwist,
-         imu_rate_.hasSamples() ? "the IMU's messages come at less than 50 Hz, too seldom for their "
-                                  "accelerations to be integrated (motion: inertial does it none the less)"
-                                : "there is no IMU");
+/// The motion model is decided; nothing has been processed yet.
+void SlamSystem::adoptMotion() {
+  checks_.setInertial(motion_.isInertial());
+  if (motion_.isInertial()) estimator_ = makeEstimator();
+  if (handlers_.start) handlers_.start("motion: " + motion_.text());
 }
 
 void SlamSystem::begin(const InitialState& state) {
-  if (motion_ == MotionChoice::kConstantTwist)
+  if (motion_.choice() == MotionChoice::kConstantTwist)
     throw ConfigError(
         "an initial state is of no use to this configuration, whose motion is a constant twist: it needs "
         "motion: inertial or auto");
-  if (motion_ == MotionChoice::kAuto) choose(MotionChoice::kInertial, "to go on from an initial state");
+  if (motion_.isOpen()) {
+    motion_.decide(MotionChoice::kInertial, "to go on from an initial state");
+    adoptMotion();
+  }
   estimator_->begin(state);
 }
 
 void SlamSystem::setRig(const StereoRig& rig) {
-  rig_ = config_.invariant.rig.appliedTo(rig);
-  estimator_->setRig(*rig_);
-  motion_check_.setRig(*rig_);
+  given_.rig = config_.invariant.rig.appliedTo(rig);
+  estimator_->setRig(*given_.rig);
+  checks_.setRig(*given_.rig);
   drain();
 }
 
@@ -124,57 +80,37 @@ void SlamSystem::setBiasPrior(const TwistBias& bias) {
   if (!bias.mean.allFinite() || !bias.sigma.allFinite() || !(bias.sigma.minCoeff() > 0.0))
     throw std::invalid_argument(
         "a bias's mean and standard deviation must be finite, and the latter positive");
-  bias_ = bias;
-  bias_awaited_ = false;
+  given_.bias = bias;
+  given_.bias_awaited = false;
   estimator_->setBiasPrior(bias);
   drain();
 }
 
-bool SlamSystem::countInvalid(const Measurement& measurement) {
-  const Fault fault = std::visit([](const auto& sample) { return faultOf(sample); }, measurement);
-  if (fault == Fault::kNone) return false;
-  const auto stream = static_cast<std::size_t>(streamOf(measurement));
-  ++counts_.invalid[stream];
-  if (fault == Fault::kTooFast) ++counts_.too_fast[stream];
-  if (fault == Fault::kBadCovariance) ++counts_.bad_covariance[stream];
-  return true;
-}
-
 void SlamSystem::add(Measurement measurement) {
-  if (countInvalid(measurement)) return;
-  if (const auto* imu = std::get_if<ImuSample>(&measurement); imu && motion_ == MotionChoice::kAuto)
-    chooseBy(*imu);
+  if (!arrivals_.isValid(measurement)) return;
+  if (const auto* imu = std::get_if<ImuSample>(&measurement); imu && motion_.isOpen()) {
+    motion_.note(*imu);
+    if (!motion_.isOpen()) adoptMotion();
+  }
   if (auto* frame = std::get_if<StereoFrame>(&measurement)) {
     frame->time_offset = estimator_->timeOffset();
     frame->stamp += fromSeconds(frame->time_offset);
   }
-  const auto verdict = guard_.judge(measurement, buffer_.newest());
-  countStrays();
-  if (verdict == ClockGuard::Verdict::kHeld) return;
-  if (verdict == ClockGuard::Verdict::kJump) {
+  const Stream stream = streamOf(measurement);
+  const Stamp stamp = stampOf(measurement);
+  const Arrivals::Verdict verdict = arrivals_.add(std::move(measurement));
+  if (verdict == Arrivals::Verdict::kHeld) return;
+  if (verdict == Arrivals::Verdict::kJump) {
     followJump();
   } else {
-    if (const auto* imu = std::get_if<ImuSample>(&measurement)) imu_check_.arrived(imu->stamp);
-    buffer(std::move(measurement));
+    checks_.arrived(stream, stamp);
   }
   drain();
 }
 
-void SlamSystem::buffer(Measurement measurement) {
-  const auto stream = static_cast<std::size_t>(streamOf(measurement));
-  const Stamp stamp = stampOf(measurement);
-  using Verdict = MeasurementBuffer::Verdict;
-  const Verdict verdict = buffer_.add(std::move(measurement));
-  if (verdict == Verdict::kDuplicate) ++counts_.duplicate[stream];
-  // A jump back is within what confirmed a jump; the guard keeps others away.
-  if (verdict == Verdict::kLate || verdict == Verdict::kJumpBack) ++counts_.late[stream];
-  if (verdict != Verdict::kJumpBack && !first_stamp_) first_stamp_ = stamp;
-}
-
 /// A gap is driven through; what is longer, and any way back, is a new start.
 void SlamSystem::followJump() {
-  std::vector<Measurement> measurements = guard_.take();
-  const double ahead = secondsBetween(*buffer_.newest(), stampOf(measurements.front()));
+  const double ahead = arrivals_.jump();
   const bool is_gap = ahead > 0.0 && ahead <= config_.buffer.max_gap_s;
   if (is_gap && estimator_->canBridge(ahead)) {
     ++counts_.gaps;
@@ -182,12 +118,7 @@ void SlamSystem::followJump() {
     reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
           std::to_string(std::abs(ahead)) + " s" + (is_gap ? ", after which the heading is not known" : ""));
   }
-  for (Measurement& measurement : measurements) buffer(std::move(measurement));
-}
-
-void SlamSystem::countStrays() {
-  counts_.ahead = guard_.strays().ahead;
-  counts_.behind = guard_.strays().behind;
+  arrivals_.goOn();
 }
 
 bool SlamSystem::needsRig() const {
@@ -197,28 +128,31 @@ bool SlamSystem::needsRig() const {
 /// For the calibration, for the first messages of the IMU, which say how the body moves, and for what is
 /// known of its biases.
 bool SlamSystem::waits() const {
-  if (!first_stamp_ || !buffer_.newest()) return false;
-  const double held = secondsBetween(*first_stamp_, *buffer_.newest());
-  return (!rig_ && needsRig() && held < config_.rig_wait_s) ||
-         ((motion_ == MotionChoice::kAuto || bias_awaited_) &&
-          held < config_.buffer.max_delay_s + kFirstWait);
+  const std::optional<double> held = arrivals_.duration();
+  if (!held) return false;
+  return (!given_.rig && needsRig() && *held < config_.rig_wait_s) ||
+         ((motion_.isOpen() || given_.bias_awaited) && *held < config_.buffer.max_delay_s + kFirstWait);
 }
 
 void SlamSystem::drain() {
-  const bool is_full = buffer_.size() > config_.buffer.max_size;
-  if (motion_ == MotionChoice::kAuto && buffer_.newest() && (is_full || !waits())) chooseWithout();
+  if (motion_.isOpen() && arrivals_.newest() && (arrivals_.isOverfull() || !waits())) {
+    motion_.close();
+    adoptMotion();
+  }
   if (waits()) {
-    while (buffer_.size() > config_.buffer.max_size) process(*buffer_.popRegardless());
+    while (arrivals_.isOverfull()) process(*arrivals_.popRegardless());
   } else {
-    while (auto measurement = buffer_.pop()) process(*measurement);
+    while (auto measurement = arrivals_.pop()) process(*measurement);
   }
 }
 
 void SlamSystem::flush() {
-  if (motion_ == MotionChoice::kAuto && !buffer_.empty()) chooseWithout();
-  guard_.discard();
-  countStrays();
-  while (auto measurement = buffer_.popRegardless()) process(*measurement);
+  if (motion_.isOpen() && !arrivals_.empty()) {
+    motion_.close();
+    adoptMotion();
+  }
+  arrivals_.close();
+  while (auto measurement = arrivals_.popRegardless()) process(*measurement);
 }
 
 void SlamSystem::setGates(const Gates& gates) {
@@ -229,8 +163,7 @@ void SlamSystem::setGates(const Gates& gates) {
 void SlamSystem::reset(const std::string& reason) {
   // What was measured before the reset is still due to whoever listens.
   flush();
-  buffer_.clear();
-  first_stamp_.reset();
+  arrivals_.clear();
   beginAnew(reason);
 }
 
@@ -238,8 +171,7 @@ void SlamSystem::beginAnew(const std::string& reason) {
   const PathEstimate path = handlers_.reset ? estimator_->path() : PathEstimate();
   estimator_ = makeEstimator();
   told_starts_.clear();
-  imu_check_.restart();
-  motion_check_.restart();
+  checks_.restart();
   dead_reckoning_ = DeadReckoning();
   lever_arm_.restart();
   blindness_.restart();
@@ -256,11 +188,11 @@ void SlamSystem::requireJointMap(const std::string& source) const {
 
 void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string& source) {
   requireJointMap(source);
-  loaded_map_ = std::move(map);
-  if (first_stamp_) {
+  given_.map = std::move(map);
+  if (arrivals_.newest()) {
     reset("map loaded from " + source);
   } else {
-    estimator_->relocaliseIn(loaded_map_);
+    estimator_->relocaliseIn(given_.map);
   }
 }
 
@@ -271,66 +203,58 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
 
 void SlamSystem::process(const Measurement& measurement) {
   // Features are not used before the calibration is known.
-  const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (rig_ && needsRig());
-  if (is_used) {
-    for (const StreamNoise& news : noise_.note(measurement)) {
-      if (handlers_.noise) handlers_.noise(news);
-    }
-  }
+  const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (given_.rig && needsRig());
+  if (is_used) checks_.use(measurement);
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
-  if (const ImuSample* next = buffer_.nextImu()) estimator_->expect(*next);
+  if (const ImuSample* next = arrivals_.nextImu()) estimator_->expect(*next);
   if (needsRig()) blindness_.advanceTo(stampOf(measurement));
   counts_.blind_s = blindness_.total();
   counts_.blind_periods = blindness_.periods();
-  if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
-    imu_check_.note(*gyro, motion_ == MotionChoice::kInertial);
-    lever_arm_.note(*gyro);
-    // An inertial estimate that has started has compared the two.
-    if (motion_ != MotionChoice::kInertial || !estimator_->hasStarted()) motion_check_.note(*gyro);
-    estimator_->process(*gyro);
-    if (!estimator_->hasStarted()) return;
-    const StateEstimate state = estimator_->state();
-    updateDeadReckoning(*gyro, state);
-    if (handlers_.gyro) handlers_.gyro({state, dead_reckoning_.pose(), {}, 0.0});
-  } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
-    const VelocitySample at_imu = lever_arm_.atImu(*velocity);
-    motion_check_.note(at_imu);
-    estimator_->process(at_imu);
-    if (motion_ != MotionChoice::kInertial) updateDeadReckoning(at_imu, estimator_->state());
-  } else {
-    const auto& frame = std::get<StereoFrame>(measurement);
-    imu_check_.noteFrame(frame.stamp);
-    if (!rig_) ++counts_.frames_without_rig;
-    checkMotion(frame);
-    const auto start = std::chrono::steady_clock::now();
-    const FrameReport report = estimator_->process(frame);
-    const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
-    count(report);
-    if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
-    reportStart();
-    if (!estimator_->hasStarted()) {
-      ++counts_.frames_before_start;
-      return;
-    }
-    const StateEstimate state = estimator_->state();
-    updateDeadReckoning(frame, state);
-    if (handlers_.frame)
-      handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
-  }
+  std::visit([this](const auto& sample) { process(sample); }, measurement);
 }
 
-void SlamSystem::checkMotion(const StereoFrame& frame) {
-  if (config_.estimator == EstimatorType::kPaper) return; // the baseline takes all as it is
-  const std::string problem = motion_check_.note(frame);
-  if (!problem.empty() && handlers_.problem) handlers_.problem(problem);
+void SlamSystem::process(const ImuSample& sample) {
+  // An inertial estimate that has started has compared the two.
+  checks_.note(sample, !motion_.isInertial() || !estimator_->hasStarted());
+  lever_arm_.note(sample);
+  estimator_->process(sample);
+  if (!estimator_->hasStarted()) return;
+  const StateEstimate state = estimator_->state();
+  updateDeadReckoning(sample, state);
+  if (handlers_.gyro) handlers_.gyro({state, dead_reckoning_.pose(), {}, 0.0});
+}
+
+void SlamSystem::process(const VelocitySample& sample) {
+  const VelocitySample at_imu = lever_arm_.atImu(sample);
+  checks_.note(at_imu);
+  estimator_->process(at_imu);
+  if (!motion_.isInertial()) updateDeadReckoning(at_imu, estimator_->state());
+}
+
+void SlamSystem::process(const StereoFrame& frame) {
+  if (!given_.rig) ++counts_.frames_without_rig;
+  checks_.note(frame);
+  const auto start = std::chrono::steady_clock::now();
+  const FrameReport report = estimator_->process(frame);
+  const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
+  count(report);
+  if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
+  reportStart();
+  if (!estimator_->hasStarted()) {
+    ++counts_.frames_before_start;
+    return;
+  }
+  const StateEstimate state = estimator_->state();
+  updateDeadReckoning(frame, state);
+  if (handlers_.frame)
+    handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
 }
 
 /// Of what is measured; where no velocity is, of the estimated twist, which is smooth but for small steps of
 /// what it is a derivative of.
 void SlamSystem::updateDeadReckoning(const Measurement& measurement, const StateEstimate& state) {
-  const bool is_inertial = motion_ == MotionChoice::kInertial;
   if (!dead_reckoning_.stamp()) dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
-  if (!is_inertial && counts_.processed[static_cast<std::size_t>(Stream::kVelocity)] > 0) {
+  if (!motion_.isInertial() && counts_.processed[static_cast<std::size_t>(Stream::kVelocity)] > 0) {
     if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
     if (const auto* velocity = std::get_if<VelocitySample>(&measurement))
       return dead_reckoning_.process(*velocity);
@@ -345,7 +269,7 @@ void SlamSystem::reportStart() {
   // An estimator that needs no start does not tell of one.
   if (!problem.empty()) {
     handlers_.start("not started: " + problem);
-  } else if (motion_ == MotionChoice::kInertial) {
+  } else if (motion_.isInertial()) {
     handlers_.start("started");
   }
 }

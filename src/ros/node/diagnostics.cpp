@@ -70,14 +70,14 @@ void Diagnostics::inputs(Status& status) {
     status.mergeSummary(DiagnosticStatus::WARN,
                         std::string(silence ? "silent: " : "nothing yet on ") + kStreams[i]);
   }
-  const ImuCheck& imu = from_.system.imuCheck();
+  const ImuCheck& imu = from_.system.checks().imu();
   status.add("imu intervals that are not the usual one", imu.counts().stutters);
   status.add("imu stamps that went back", imu.counts().backwards);
   status.add("times that imu stopped", imu.counts().stops);
   if (const std::string problem = imu.problem(); !problem.empty())
     status.mergeSummary(DiagnosticStatus::WARN, problem);
   for (const std::string& problem :
-       {from_.intake.stereoCheck().problem(), from_.system.motionCheck().problem()}) {
+       {from_.intake.stereoCheck().problem(), from_.system.checks().motion().problem()}) {
     if (!problem.empty()) status.mergeSummary(DiagnosticStatus::WARN, problem);
   }
 }
@@ -121,7 +121,7 @@ void Diagnostics::estimator(Status& status) {
   status.add("initialised", newest_output_ != 0 && estimator.hasStarted());
   status.add("motion", from_.system.motionText());
   status.add("frames before the start", from_.system.counts().frames_before_start);
-  for (const StreamNoise& noise : from_.system.noise().streams())
+  for (const StreamNoise& noise : from_.system.checks().noise().streams())
     status.add("noise of " + noise.stream, toText(noise));
   if (!estimator.hasStarted()) {
     status.summary(DiagnosticStatus::WARN, "not started: " + estimator.startProblem());
@@ -156,7 +156,7 @@ void Diagnostics::divergence(Status& status) {
     status.summary(DiagnosticStatus::WARN,
                    "loss of vision: no feature corrects the estimate, which is dead reckoning");
   }
-  const auto& counts = from_.system.counts().divergences;
+  const auto counts = from_.system.counts().divergences;
   std::string reasons;
   for (std::size_t i = 1; i < kDivergenceCount; ++i) {
     status.add(std::string("diverged: ") + kDivergenceNames[i], counts[i]);
@@ -219,7 +219,7 @@ void Diagnostics::load(Status& status) {
 
 void Diagnostics::drops(Status& status) {
   status.summary(DiagnosticStatus::OK, "counts since start");
-  const SystemCounts& c = from_.system.counts();
+  const SystemCounts c = from_.system.counts();
   std::uint64_t drops = 0;
   const auto count = [&](const std::string& reason, std::uint64_t number) {
     status.add(reason, number);

@@ -280,10 +280,10 @@ RunSummary SlamNode::summary() const {
           secondsSince(watch_.start),
           system_.counts(),
           diagnostics_.allTurnedAway(),
-          system_.noise().streams(),
+          system_.checks().noise().streams(),
           system_.motionText(),
           system_.estimator().startProblem(),
-          system_.imuCheck().counts(),
+          system_.checks().imu().counts(),
           system_.estimator().rig(),
           intake_.imuFrame()};
 }

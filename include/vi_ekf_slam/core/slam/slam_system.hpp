@@ -12,21 +12,13 @@
 #include "vi_ekf_slam/core/health/blindness.hpp"
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
-#include "vi_ekf_slam/core/sensors/clock_guard.hpp"
-#include "vi_ekf_slam/core/sensors/imu_check.hpp"
-#include "vi_ekf_slam/core/sensors/imu_rate.hpp"
+#include "vi_ekf_slam/core/sensors/arrivals.hpp"
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
-#include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
-#include "vi_ekf_slam/core/slam/motion_check.hpp"
-#include "vi_ekf_slam/core/slam/noise_report.hpp"
+#include "vi_ekf_slam/core/slam/motion_selection.hpp"
+#include "vi_ekf_slam/core/slam/sensor_checks.hpp"
 
 namespace vi_ekf_slam {
-
-/// A faster measurement is no motion of a vehicle but a fault; far faster ones would overflow the filter.
-constexpr double kMaxSpeed = 1e3;        ///< m/s
-constexpr double kMaxAngularSpeed = 1e3; ///< rad/s
-constexpr double kMaxAcceleration = 1e4; ///< m/s^2
 
 /// The result of one processed measurement.
 struct Output {
@@ -37,14 +29,9 @@ struct Output {
   std::optional<ClosedLoop> loop{}; ///< that the frame has closed
 };
 
-/// Counts since construction; a reset does not clear them.
-struct SystemCounts {
-  using PerStream = std::array<std::uint64_t, kStreamCount>;
-  PerStream processed{}, late{}, duplicate{};
-  PerStream ahead{}, behind{}; ///< a stamp far ahead of all others or behind them, not confirmed
-  PerStream invalid{};         ///< not finite, too fast, or a covariance that is none
-  PerStream too_fast{};        ///< of the invalid: beyond kMaxSpeed and the like
-  PerStream bad_covariance{};  ///< of the invalid: not symmetric positive definite
+/// Of what was processed.
+struct ProcessingCounts {
+  std::array<std::uint64_t, kStreamCount> processed{};
   std::uint64_t frames_without_rig = 0;
   std::uint64_t frames_before_start = 0; ///< of an estimator that has no pose at first
   std::uint64_t resets = 0;
@@ -59,11 +46,14 @@ struct SystemCounts {
   std::uint64_t blind_periods = 0; ///< their number
 };
 
+/// Counts since construction; a reset does not clear them.
+struct SystemCounts : ArrivalCounts, ProcessingCounts {};
+
 /// The estimator that `config.estimator` asks for.
 std::unique_ptr<Estimator> makeEstimator(const Config& config);
 
 /// The one way through the estimator, for node, nodelet, offline runner and tests alike:
-/// add -> ClockGuard -> MeasurementBuffer -> Estimator -> handlers. Single-threaded: calls and handlers run
+/// add -> Arrivals -> Estimator -> handlers. Single-threaded: calls and handlers run
 /// in the caller's thread.
 class SlamSystem {
  public:
@@ -77,12 +67,12 @@ class SlamSystem {
   using ResetHandler = std::function<void(const std::string& reason, const PathEstimate& path)>;
   void onReset(ResetHandler handler) { handlers_.reset = std::move(handler); }
   /// Called when a sensor is used for the first time: which noise it is taken to have, and from where.
-  void onNoise(std::function<void(const StreamNoise&)> handler) { handlers_.noise = std::move(handler); }
+  void onNoise(std::function<void(const StreamNoise&)> handler) { checks_.onNoise(std::move(handler)); }
 
   /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
   /// the buffer may hold, unless the configuration does not look at features at all.
   void setRig(const StereoRig& rig);
-  bool hasRig() const { return rig_.has_value(); }
+  bool hasRig() const { return given_.rig.has_value(); }
   /// Whether the configured estimator looks at features, for which it needs the calibration.
   bool needsRig() const;
 
@@ -91,29 +81,25 @@ class SlamSystem {
   void setBiasPrior(const TwistBias& bias);
   /// Somebody is going to tell it: the first measurements wait for it, for a second of sensor time beside
   /// `max_delay`. What is computed does not depend on which of the two comes first, then.
-  void awaitBiasPrior() { bias_awaited_ = !bias_; }
+  void awaitBiasPrior() { given_.bias_awaited = !given_.bias; }
 
   /// Before the first measurement: goes on from there, with the inertial motion model. Throws ConfigError for
   /// a configuration that has another one.
   void begin(const InitialState& state);
 
   /// How the body is taken to move; kAuto as long as no measurement has decided.
-  MotionChoice motion() const { return motion_; }
-  /// "motion: inertial, the IMU's messages carry accelerations"; empty as long as it is kAuto.
-  const std::string& motionText() const { return motion_text_; }
+  MotionChoice motion() const { return motion_.choice(); }
+  /// Why, see MotionSelection::text.
+  const std::string& motionText() const { return motion_.text(); }
   /// Called when that is known, with each reason for which there is no pose yet, and when there is one. Of
   /// reasons that differ by their numbers the first is told.
   void onStart(std::function<void(const std::string&)> handler) { handlers_.start = std::move(handler); }
 
   /// Called with what is wrong with the sensors, once each.
-  void onProblem(std::function<void(const std::string&)> handler) {
-    imu_check_.onProblem(handler);
-    handlers_.problem = std::move(handler);
-  }
-  const ImuCheck& imuCheck() const { return imu_check_; }
-  const MotionCheck& motionCheck() const { return motion_check_; }
+  void onProblem(std::function<void(const std::string&)> handler) { checks_.onProblem(std::move(handler)); }
+  const SensorChecks& checks() const { return checks_; }
   /// The latest stamp that has come since the start; nothing: none has.
-  std::optional<Stamp> newest() const { return buffer_.newest(); }
+  std::optional<Stamp> newest() const { return arrivals_.newest(); }
 
   /// Processes whatever is due with it. A measurement that is not usable is dropped and counted.
   void add(Measurement measurement);
@@ -140,57 +126,50 @@ class SlamSystem {
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
 
   const Estimator& estimator() const { return *estimator_; }
-  const SystemCounts& counts() const { return counts_; }
+  SystemCounts counts() const { return {arrivals_.counts(), counts_}; }
   const Blindness& blindness() const { return blindness_; }
   const Config& config() const { return config_; }
-  const NoiseReport& noise() const { return noise_; }
 
  private:
   struct Handlers {
     std::function<void(const Output&)> frame, gyro;
     ResetHandler reset;
-    std::function<void(const std::string&)> start, problem;
-    std::function<void(const StreamNoise&)> noise;
+    std::function<void(const std::string&)> start;
+  };
+  /// What every new estimator is told.
+  struct Given {
+    std::optional<StereoRig> rig;
+    std::optional<TwistBias> bias;
+    bool bias_awaited = false;
+    std::shared_ptr<const SavedMap> map;
   };
 
   void requireJointMap(const std::string& source) const;
-  bool countInvalid(const Measurement& measurement);
-  void buffer(Measurement measurement);
   void followJump();
-  void countStrays();
   void drain();
-  void choose(MotionChoice motion, const std::string& reason);
-  void chooseBy(const ImuSample& sample);
-  void chooseWithout();
+  void adoptMotion();
   std::unique_ptr<Estimator> makeEstimator() const;
   bool waits() const;
   void reportStart();
   void updateDeadReckoning(const Measurement& measurement, const StateEstimate& state);
   void process(const Measurement& measurement);
-  void checkMotion(const StereoFrame& frame);
+  void process(const ImuSample& sample);
+  void process(const VelocitySample& sample);
+  void process(const StereoFrame& frame);
   void beginAnew(const std::string& reason);
   void count(const FrameReport& report);
 
   Config config_;
-  MotionChoice motion_;
-  std::string motion_text_;
-  ClockGuard guard_;
-  MeasurementBuffer buffer_;
+  MotionSelection motion_;
+  Arrivals arrivals_;
   std::unique_ptr<Estimator> estimator_;
+  Given given_;
   DeadReckoning dead_reckoning_;
   LeverArm lever_arm_;
-  std::optional<StereoRig> rig_;
-  std::optional<TwistBias> bias_;
-  bool bias_awaited_ = false;
-  std::shared_ptr<const SavedMap> loaded_map_;
+  SensorChecks checks_;
   std::set<std::string> told_starts_; ///< without their numbers
-  std::optional<Stamp> first_stamp_;
   Blindness blindness_;
-  SystemCounts counts_;
-  NoiseReport noise_;
-  ImuCheck imu_check_;
-  MotionCheck motion_check_;
-  ImuRate imu_rate_; ///< of the first samples
+  ProcessingCounts counts_;
   Handlers handlers_;
 };
 

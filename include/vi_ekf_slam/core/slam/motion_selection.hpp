@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+
+#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/sensors/imu_rate.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
+
+namespace vi_ekf_slam {
+
+/// Which motion model it is to be: the configured one, or by what the IMU's first messages have.
+class MotionSelection {
+ public:
+  explicit MotionSelection(const Config& config);
+
+  /// kAuto as long as nothing has decided.
+  MotionChoice choice() const { return choice_; }
+  bool isOpen() const { return choice_ == MotionChoice::kAuto; }
+  bool isInertial() const { return choice_ == MotionChoice::kInertial; }
+  /// "inertial, the IMU's messages carry accelerations"; empty as long as it is open, and for the paper's
+  /// filter.
+  const std::string& text() const { return text_; }
+
+  // While it is open:
+  /// The next sample of the IMU as it comes, of which one or a few decide.
+  void note(const ImuSample& sample);
+  /// Nothing more is waited for.
+  void close();
+  void decide(MotionChoice choice, const std::string& reason);
+
+ private:
+  MotionChoice choice_;
+  std::string text_;
+  ImuRate imu_rate_; ///< of the first samples
+};
+
+} // namespace vi_ekf_slam

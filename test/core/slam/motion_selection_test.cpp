@@ -1,0 +1,49 @@
+#include "vi_ekf_slam/core/slam/motion_selection.hpp"
+
+#include <gtest/gtest.h>
+
+#include "system_drive.hpp"
+
+namespace vi_ekf_slam {
+namespace {
+
+using namespace test;
+
+ImuSample accelerated(double t) {
+  ImuSample sample = gyro(t);
+  sample.acceleration = Eigen::Vector3d(0.0, 0.0, 9.81);
+  return sample;
+}
+
+TEST(MotionSelection, IsInertialForAnImuWithAccelerationsThatIsFastEnough) {
+  MotionSelection selection{Config()};
+  EXPECT_TRUE(selection.isOpen());
+  EXPECT_EQ(selection.text(), "");
+  for (int i = 0; i < 10 && selection.isOpen(); ++i) selection.note(accelerated(0.01 * i));
+  EXPECT_TRUE(selection.isInertial());
+  EXPECT_EQ(selection.text(), "inertial, the IMU's messages carry accelerations");
+}
+
+TEST(MotionSelection, IsAConstantTwistForASlowImuOneWithoutAccelerationsAndNone) {
+  MotionSelection slow{Config()}, gyro_alone{Config()}, none{Config()};
+  for (int i = 0; i < 1000 && slow.isOpen(); ++i) slow.note(accelerated(0.1 * i));
+  gyro_alone.note(gyro(0.0));
+  none.close();
+  EXPECT_EQ(slow.choice(), MotionChoice::kConstantTwist);
+  EXPECT_NE(slow.text().find("less than 50 Hz"), std::string::npos) << slow.text();
+  EXPECT_EQ(gyro_alone.choice(), MotionChoice::kConstantTwist);
+  EXPECT_NE(gyro_alone.text().find("no acceleration"), std::string::npos) << gyro_alone.text();
+  EXPECT_EQ(none.text(), "constant twist, there is no IMU");
+}
+
+TEST(MotionSelection, IsWhatIsConfiguredWhateverComes) {
+  Config config;
+  config.invariant.choice = MotionChoice::kInertial;
+  EXPECT_EQ(MotionSelection(config).text(), "inertial, configured");
+  config.estimator = EstimatorType::kPaper;
+  EXPECT_EQ(MotionSelection(config).choice(), MotionChoice::kConstantTwist);
+  EXPECT_EQ(MotionSelection(config).text(), "");
+}
+
+} // namespace
+} // namespace vi_ekf_slam
