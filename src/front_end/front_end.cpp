@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "vi_ekf_slam/front_end/descriptors.hpp"
+#include "vi_ekf_slam/front_end/ego_motion.hpp"
 #include "vi_ekf_slam/front_end/flow.hpp"
 
 namespace vi_ekf_slam {
@@ -58,8 +59,6 @@ FrontEnd::FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& 
       detector_(calibration.left.size(), options.features),
       matcher_(calibration_) {}
 
-bool FrontEnd::hasGap(Stamp stamp) const { return secondsBetween(last_stamp_, stamp) > kMaxGap; }
-
 StereoFrame FrontEnd::process(const StereoImages& images) {
   report_ = {};
   const bool has_jumped = secondsBetween(images.stamp, newest_stamp_) > kJump;
@@ -77,7 +76,7 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
     if (track.matched) track.strayed = 0.0; // it has been told
     track.matched = false;
   }
-  if (!tracks_.empty() && (has_jumped || hasGap(images.stamp))) {
+  if (!tracks_.empty() && (has_jumped || secondsSinceLast(images.stamp) > kMaxGap)) {
     tracks_.clear();
     report_.begun_anew = true;
   }
@@ -88,11 +87,10 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   follow(left, images.stamp);
   beginTracks(left, images.stamp);
   matchTracks(left, right);
-  last_left_ = left;
-  last_left_->image.release(); // the pyramid has it
-  const double seconds = secondsBetween(last_stamp_, images.stamp);
-  last_stamp_ = images.stamp;
-  gyro_.forgetBefore(images.stamp);
+  const double seconds = secondsSinceLast(images.stamp);
+  last_ = Last{left, images.stamp};
+  last_->left.image.release(); // the pyramid has it
+  motion_.forgetBefore(images.stamp);
   summarise(images.stamp);
   describeTracks(left, images.stamp);
   return features(images.stamp, seconds);
@@ -100,18 +98,9 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.
 void FrontEnd::followLight(const Light& light, Stamp stamp) {
-  const double share = last_left_ ? std::min(1.0, secondsBetween(last_stamp_, stamp) / kLightTime) : 1.0;
+  const double share = last_ ? std::min(1.0, secondsSinceLast(stamp) / kLightTime) : 1.0;
   light_.mean += share * (light.mean - light_.mean);
   light_.contrast += share * (light.contrast - light_.contrast);
-}
-
-/// As the camera moved before, but for the rotation where the gyro has measured it.
-SE3 FrontEnd::predictMotion(Stamp stamp) {
-  const SE3 motion = SE3::Exp(secondsBetween(last_stamp_, stamp) * velocity_);
-  const auto before_R_now = cam_R_imu_ ? gyro_.between(last_stamp_, stamp) : std::nullopt;
-  if (!before_R_now) return motion;
-  report_.rotation_known = true;
-  return {*cam_R_imu_ * before_R_now->transpose() * cam_R_imu_->transpose(), motion.translation()};
 }
 
 std::vector<TrackPrediction> FrontEnd::predict(const SE3& now_T_before) const {
@@ -135,7 +124,7 @@ std::vector<TrackPrediction> FrontEnd::predict(const SE3& now_T_before) const {
 /// Which tracks are in the picture, and where: by their looks where they should be, else where flow has led
 /// them.
 std::vector<bool> FrontEnd::find(const Picture& left, const std::vector<TrackPrediction>& predictions) {
-  const cv::Mat& before = last_left_->pyramid.front();
+  const cv::Mat& before = last_->left.pyramid.front();
   std::vector<bool> found;
   std::vector<cv::Point2f> points, guesses;
   std::vector<std::size_t> rest;
@@ -147,7 +136,7 @@ std::vector<bool> FrontEnd::find(const Picture& left, const std::vector<TrackPre
     guesses.push_back(predictions[i].pixel);
     rest.push_back(i);
   }
-  const Flow flow = followPoints(*last_left_, left, points, guesses, kLevels, kMaxFlowRoundTrip);
+  const Flow flow = followPoints(last_->left, left, points, guesses, kLevels, kMaxFlowRoundTrip);
   for (std::size_t k = 0; k < rest.size(); ++k) {
     if (!flow.found[k]) continue;
     const std::size_t i = rest[k];
@@ -160,10 +149,11 @@ std::vector<bool> FrontEnd::find(const Picture& left, const std::vector<TrackPre
 }
 
 void FrontEnd::follow(const Picture& left, Stamp stamp) {
-  if (tracks_.empty() || !last_left_) return;
+  if (tracks_.empty() || !last_) return;
   for (Track& track : tracks_)
     track.point = pointBehind(calibration_.camera, track.left_rectified, track.disparity.value_or(0.0));
-  const SE3 guess = predictMotion(stamp);
+  const auto [guess, rotation_known] = motion_.predict(last_->stamp, stamp);
+  report_.rotation_known = rotation_known;
   const std::vector<bool> found = find(left, predict(guess));
   std::size_t i = 0;
   report_.lost = removeTracks(tracks_, [&](const Track&) { return !found[i++]; });
@@ -207,7 +197,7 @@ void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
     if (track.disparity) displacements.push_back(displacement(track));
   }
   const auto motion = estimateMotion(camera, displacements, guess);
-  velocity_ = motion ? (motion->Log() / secondsBetween(last_stamp_, stamp)).eval() : Vector6d::Zero().eval();
+  motion_.learn(motion, secondsSinceLast(stamp));
   if (!motion) return;
   report_.rejected = removeTracks(tracks_, [&](const Track& track) {
     return track.disparity && misfit(camera, displacement(track), *motion) > kMisfit * track.magnification;

@@ -6,7 +6,7 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kMinCorrelation = 0.9;
+constexpr double kMinLikeness = 0.9;
 // px, how far a new anchor leads a track away, against the points that tracks began at on drawn streets: the
 // mean of columns and rows that two thirds are within. Cut from the image before 0.32 and 0.19, where flow
 // alone knew how the track went on 0.84 and 0.35 (docs/front_end.md).
@@ -18,7 +18,7 @@ bool align(const AnchorPatch& anchor, AnchorPatch::Warp start, const cv::Mat& im
   start.centre = {prediction.pixel.x, prediction.pixel.y};
   start.shape *= prediction.magnification;
   const auto fit = anchor.align(image, start);
-  if (!fit || fit->correlation < kMinCorrelation) return false;
+  if (!fit || fit->correlation < kMinLikeness) return false;
   if ((fit->warp.centre - start.centre).norm() > reach) return false;
   track.left = {fit->warp.centre.x(), fit->warp.centre.y()};
   track.warp = fit->warp;

@@ -6,8 +6,11 @@
 #include <string>
 
 #include "slanted_plane.hpp"
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/front_end/anchor_patch.hpp"
+#include "vi_ekf_slam/front_end/ego_motion.hpp"
 #include "vi_ekf_slam/front_end/image_pairing.hpp"
+#include "vi_ekf_slam/front_end/motion_predictor.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -354,6 +357,32 @@ TEST_F(Pairing, begins_anew_when_time_jumps_back) {
     pairing_.addRight(at(t));
   }
   EXPECT_EQ((std::vector<Stamp>{5000, 5100, 1000, 1100}), popAll());
+}
+
+TEST(MotionPredictor, goes_on_as_before_but_for_the_rotation_that_the_gyro_measured) {
+  MotionPredictor predictor;
+  EXPECT_TRUE(predictor.predict(0, fromSeconds(0.1)).now_T_before.rotation().isIdentity());
+  const SE3 motion(so3::Exp({0.0, 0.1, 0.0}), Eigen::Vector3d(0.0, 0.0, -0.5));
+  predictor.learn(motion, 0.1);
+  const auto twice = predictor.predict(fromSeconds(1.0), fromSeconds(1.2));
+  EXPECT_FALSE(twice.rotation_known);
+  EXPECT_TRUE(twice.now_T_before.matrix().isApprox((motion * motion).matrix(), 1e-9));
+  const Eigen::Matrix3d cam_R_imu = so3::Exp({0.3, -1.2, 0.5});
+  for (int i = 0; i <= 10; ++i) {
+    ImuSample sample;
+    sample.stamp = fromSeconds(1.0 + 0.02 * i);
+    sample.angular_velocity = cam_R_imu.transpose() * Eigen::Vector3d(0.0, 0.0, 2.0);
+    predictor.addImu(sample);
+  }
+  EXPECT_FALSE(predictor.predict(fromSeconds(1.0), fromSeconds(1.2)).rotation_known); // nor its axes
+  predictor.setImuRotation(cam_R_imu);
+  const auto turned = predictor.predict(fromSeconds(1.0), fromSeconds(1.2));
+  EXPECT_TRUE(turned.rotation_known);
+  EXPECT_TRUE(turned.now_T_before.rotation().isApprox(so3::Exp({0.0, 0.0, -0.4}), 1e-9));
+  EXPECT_TRUE(turned.now_T_before.translation().isApprox(twice.now_T_before.translation()));
+  EXPECT_FALSE(predictor.predict(fromSeconds(1.0), fromSeconds(1.3)).rotation_known); // no samples there
+  predictor.learn(std::nullopt, 0.1);
+  EXPECT_TRUE(predictor.predict(fromSeconds(1.0), fromSeconds(1.2)).now_T_before.translation().isZero());
 }
 
 } // namespace

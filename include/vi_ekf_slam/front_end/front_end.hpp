@@ -8,8 +8,7 @@
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/front_end/corner_detector.hpp"
-#include "vi_ekf_slam/front_end/ego_motion.hpp"
-#include "vi_ekf_slam/front_end/gyro_rotation.hpp"
+#include "vi_ekf_slam/front_end/motion_predictor.hpp"
 #include "vi_ekf_slam/front_end/picture.hpp"
 #include "vi_ekf_slam/front_end/stereo_calibration.hpp"
 #include "vi_ekf_slam/front_end/stereo_matcher.hpp"
@@ -57,10 +56,9 @@ class FrontEnd {
   FrontEnd(const FrontEnd&) = delete;
   FrontEnd& operator=(const FrontEnd&) = delete;
 
-  /// cam_R_imu: turns directions of the IMU frame into those of the rectified left camera. Without it, or
-  /// without samples, tracks are looked for where they were.
-  void setImuRotation(const Eigen::Matrix3d& cam_R_imu) { cam_R_imu_ = cam_R_imu; }
-  void addImu(const ImuSample& sample) { gyro_.add(sample); }
+  /// See MotionPredictor: what is known of the motion says where tracks are looked for.
+  void setImuRotation(const Eigen::Matrix3d& cam_R_imu) { motion_.setImuRotation(cam_R_imu); }
+  void addImu(const ImuSample& sample) { motion_.addImu(sample); }
 
   /// The features of the pair, in rectified pixels; empty where a picture is of no use. Pairs come in the
   /// order of their stamps.
@@ -72,9 +70,14 @@ class FrontEnd {
   const StereoCalibration& calibration() const { return calibration_; }
 
  private:
-  bool hasGap(Stamp stamp) const;
+  struct Last {
+    Picture left;
+    Stamp stamp;
+  };
+
+  /// Since the last pair that was of use; 0 before the first.
+  double secondsSinceLast(Stamp stamp) const { return last_ ? secondsBetween(last_->stamp, stamp) : 0.0; }
   void followLight(const Light& light, Stamp stamp);
-  SE3 predictMotion(Stamp stamp);
   std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
   std::vector<bool> find(const Picture& left, const std::vector<TrackPrediction>& predictions);
   void learnMotion(const SE3& guess, Stamp stamp);
@@ -90,14 +93,10 @@ class FrontEnd {
   FrontEndOptions options_;
   CornerDetector detector_;
   StereoMatcher matcher_;
-  GyroRotation gyro_;
-  std::optional<Eigen::Matrix3d> cam_R_imu_;
-  std::optional<Picture> last_left_;
+  MotionPredictor motion_;
+  std::optional<Last> last_;
   Light light_;            ///< of all pictures, once they are prepared
-  Stamp last_stamp_ = 0;   ///< of last_left_
   Stamp newest_stamp_ = 0; ///< of any pair
-  Vector6d velocity_ =
-      Vector6d::Zero(); ///< m/s and rad/s of the rectified left camera, as now_T_before has it
   bool exchanged_ = false;
   FeatureId next_id_ = 1;
   std::vector<Track> tracks_;

@@ -56,6 +56,14 @@ void Recovery::endFrame() {
 Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoModel& model,
                            const StereoFrame& frame, const std::vector<Association>& associations,
                            const FrameOutcome& outcome) {
+  const Divergence divergence = diverged(filter, map, model, frame, associations, outcome);
+  if (divergence != Divergence::kNone) divergence_ = divergence;
+  return divergence;
+}
+
+Divergence Recovery::diverged(Filter& filter, const LandmarkMap& map, const StereoModel& model,
+                              const StereoFrame& frame, const std::vector<Association>& associations,
+                              const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
   const Divergence divergence =
       monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
@@ -121,7 +129,10 @@ std::optional<Eigen::Matrix3d> Recovery::noiseOf(const Sample& last, Stamp now) 
 }
 
 bool Recovery::check(const Filter& filter, Stamp stamp, bool thoroughly) {
-  if (!isValid(filter, thoroughly)) return false;
+  if (!isValid(filter, thoroughly)) {
+    divergence_ = Divergence::kCovariance;
+    return false;
+  }
   stamp_ = stamp;
   pose_ = filter.pose();
   covariance_ = filter.covariance().topLeftCorner<6, 6>();

@@ -38,10 +38,9 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       imu_(config.inertial.noise, config.inertial.noise_given),
       slip_(config.slip),
       filter_(SE3(), startCovariance()),
-      map_(config.map),
+      map_(config.map, config.recognise_places),
       standstill_(config.standstill_px, motion_->measuresVelocity()),
-      recovery_(config.recovery, *motion_),
-      closures_(config.recognise_places) {
+      recovery_(config.recovery, *motion_) {
   if (motion_->knowsGravity()) config_.stereo.unbiased_starts = false; // an IMU tells distances as well
   begin(motion_->startPose(), startCovariance());
 }
@@ -66,8 +65,8 @@ bool InvariantEstimator::begin(const InitialState& state) {
 /// An error of where the world is and which way it faces is one of the pose's first six coordinates alone:
 /// none is left of it where the world is said to be here.
 void InvariantEstimator::moveOriginHere() {
-  map_.bound(filter_, true);
-  clones_.clear();
+  map_.marginalise(filter_);
+  map_.forgetPath();
   const SE3& pose = filter_.pose();
   const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
   filter_.moveWorld(SE3(level, -(level * pose.translation())));
@@ -111,7 +110,7 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
   resumeAt(stamp);
   if (stamp_ && stamp > *stamp_) {
     const double dt = secondsBetween(*stamp_, stamp);
-    if (dt > kTrackedGap) loseAll();
+    if (dt > kTrackedGap) map_.loseAll(filter_);
     const Vector6d twist = motion_->twist(filter_, imu_, *stamp_);
     recovery_.travel(dt * twist.head<3>().norm(), dt * twist.tail<3>().norm());
     propagate(filter_, *stamp_, stamp);
@@ -136,11 +135,7 @@ bool InvariantEstimator::canBridge(double gap_s) const {
 /// Remembers a valid estimate, and goes back to it from one that is not.
 void InvariantEstimator::checkpoint(bool thoroughly) {
   if (recovery_.check(filter_, *stamp_, thoroughly)) return;
-  divergence_ = Divergence::kCovariance;
-  map_.archiveAll(filter_);
-  clones_.archive(filter_.inactive().estimates(false));
-  clones_.breakOff();
-  closures_.restart();
+  map_.archive(filter_);
   tracks_.clear();
   begin(recovery_.checkpointPose(),
         recovery_.checkpointCovariance(*stamp_, config_.motion.prior_twist_sigma[0]));
@@ -160,21 +155,21 @@ FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   if (last_frame_) displacement = filter_.pose().translation() - last_frame_->position;
   if (TrackSlip::isPossible(frame)) {
     slip_.propagate(filter_, displacement.norm());
-    slip_.apply(filter_, map_, displacement);
+    slip_.apply(filter_, map_.landmarks(), displacement);
   }
   filter_.settle();
   if (model_) {
     useFeatures(frame, report);
-    if (map_.keepsInactive()) closeLoops(report);
+    map_.closeLoops(filter_, *model_, report);
   } else {
     report.invalid = report.features;
   }
   checkpoint(true);
   recovery_.endFrame();
   last_frame_ = LastFrame{frame.stamp, filter_.pose().translation()};
-  report.divergence = std::exchange(divergence_, Divergence::kNone);
-  report.landmarks = map_.active().size();
-  report.inactive = map_.inactiveCount();
+  report.divergence = recovery_.takeDivergence();
+  report.landmarks = map_.landmarks().active().size();
+  report.inactive = map_.landmarks().inactiveCount();
   return report;
 }
 
@@ -182,9 +177,10 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   model_->beginFrame(frame.time_offset, motion_->twist(filter_, imu_, frame.stamp));
   const TrackStatus::Usable usable = tracks_.usable(filter_, *model_, frame);
   report.invalid = usable.invalid;
-  closures_.expect(filter_, map_, *model_, frame, usable.features);
-  Associations seen = associate(filter_, map_, *model_, frame, usable.features);
-  letTracksWalk(filter_, map_, *model_, frame, seen.known, secondsSinceFrame(frame.stamp));
+  LandmarkMap& landmarks = map_.landmarks();
+  map_.closures().expect(filter_, landmarks, *model_, frame, usable.features);
+  Associations seen = associate(filter_, landmarks, *model_, frame, usable.features);
+  letTracksWalk(filter_, landmarks, *model_, frame, seen.known, secondsSinceFrame(frame.stamp));
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
   report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
@@ -192,41 +188,24 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.frame_rejected = outcome.skipped;
   report.nis = outcome.nis;
   report.nis_dof = outcome.nis_dof;
-  const Divergence divergence = recovery_.judge(filter_, map_, *model_, frame, seen.known, outcome);
-  if (divergence != Divergence::kNone) divergence_ = divergence;
+  const Divergence divergence = recovery_.judge(filter_, landmarks, *model_, frame, seen.known, outcome);
   const auto last = last_frame_ ? std::make_optional(last_frame_->stamp) : std::nullopt;
   if (divergence != Divergence::kNone ||
       (outcome.skipped && !tracks_.believesMap(filter_, *model_, frame, seen, last))) {
     // Nothing speaks against these features but a local map that is not believed.
-    report.removed += map_.active().size();
-    loseAll();
+    report.removed += landmarks.active().size();
+    map_.loseAll(filter_);
     tracks_.restart(frame.stamp);
     recovery_.useFrame();
-    if (map_.keepsInactive()) clones_.add(filter_, frame.stamp);
+    map_.addPose(filter_, frame.stamp);
     initialise(frame, usable.features, report);
   } else if (!outcome.skipped) {
     tracks_.noteUse(frame.stamp);
     recovery_.useFrame();
     updateTracks(frame, seen, outcome, report);
-    if (map_.keepsInactive()) clones_.add(filter_, frame.stamp);
+    map_.addPose(filter_, frame.stamp);
     initialise(frame, seen.unknown, report);
   } // a skipped frame leaves the local map as it is
-}
-
-/// Loops, and the path that they correct.
-void InvariantEstimator::closeLoops(FrameReport& report) {
-  clones_.archive(map_.bound(filter_));
-  const SE3 before = filter_.pose();
-  const Matrix6d covariance = filter_.covariance().topLeftCorner<6, 6>();
-  const Revisit revisit = closures_.update(filter_, map_, *model_, report);
-  if (report.relocalised) clones_.clear();
-  loop_.reset();
-  if (revisit.landmarks > 0)
-    loop_ = clones_.close(filter_, report.stamp, before, covariance, revisit.last_seen, revisit.landmarks);
-}
-
-void InvariantEstimator::loseAll() {
-  while (!map_.active().empty()) map_.leave(filter_, map_.active().size() - 1);
 }
 
 /// Rejected tracks contradict the static world (a car, a track that slides): they leave the map for good,
@@ -234,10 +213,11 @@ void InvariantEstimator::loseAll() {
 void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associations& seen,
                                       const FrameOutcome& outcome, FrameReport& report) {
   enum class Track { kLost, kUsed, kMissed, kRejected };
-  std::vector<Track> tracks(map_.active().size(), Track::kLost);
+  LandmarkMap& landmarks = map_.landmarks();
+  std::vector<Track> tracks(landmarks.active().size(), Track::kLost);
   for (std::size_t i = 0; i < seen.known.size(); ++i) {
     const auto [landmark, feature] = seen.known[i];
-    Landmark& known = map_.active(landmark);
+    Landmark& known = landmarks.active(landmark);
     const bool is_missed = outcome.missed[i] && !std::exchange(known.missed, true);
     tracks[landmark] = outcome.used[i] ? Track::kUsed : is_missed ? Track::kMissed : Track::kRejected;
     if (outcome.used[i]) {
@@ -247,7 +227,7 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
     if (tracks[landmark] == Track::kRejected) tracks_.reject(filter_, *model_, frame, feature);
   }
   for (std::size_t i = tracks.size(); i-- > 0;) {
-    Landmark& landmark = map_.active(i);
+    Landmark& landmark = landmarks.active(i);
     if (tracks[i] == Track::kUsed) {
       if (landmark.reactivated) ++report.revisited;
       landmark.reactivated = false;
@@ -258,23 +238,26 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
     if (tracks[i] == Track::kMissed) continue;
     ++report.removed;
     if (tracks[i] == Track::kRejected)
-      map_.discard(filter_, i);
+      landmarks.discard(filter_, i);
     else
-      map_.leave(filter_, i);
+      landmarks.leave(filter_, i);
   }
 }
 
 void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
                                     FrameReport& report) {
-  const double share = closures_.use() == MapUse::kWaiting ? kWhileLost : 1.0;
+  LandmarkMap& landmarks = map_.landmarks();
+  const double share = mapUse() == MapUse::kWaiting ? kWhileLost : 1.0;
   const auto most = static_cast<std::size_t>(share * static_cast<double>(config_.max_tracked));
-  for (const std::size_t feature : chooseNewLandmarks(frame, model_->rig().camera, map_, features, most)) {
+  for (const std::size_t feature :
+       chooseNewLandmarks(frame, model_->rig().camera, landmarks, features, most)) {
     const StereoFeatureObservation& f = frame.features[feature];
     const auto seen = model_->triangulate(filter_, f.pixels, f.sigma);
     if (!seen) continue;
     const Handle variable = filter_.augment(Chart::kPoint, seen->position, seen->noise, seen->by);
-    map_.add({f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id), false});
-    if (f.descriptor) map_.active(map_.active().size() - 1).descriptors.add(*f.descriptor);
+    landmarks.add(
+        {f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id), false});
+    if (f.descriptor) landmarks.active(landmarks.active().size() - 1).descriptors.add(*f.descriptor);
     ++report.initialised;
   }
 }
@@ -299,22 +282,22 @@ double InvariantEstimator::timeOffset() const {
 
 /// What is in view was seen from elsewhere, so that it is not tracked on; its ids may return.
 bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covariance) {
-  if (const auto from = closures_.takeResume()) relocaliseIn(from->map);
+  if (const auto from = map_.closures().takeResume()) relocaliseIn(from->map);
   const Filter before = filter_;
-  const LandmarkMap map_before = map_;
-  const bool is_elsewhere = closures_.use() == MapUse::kWaiting;
+  const LandmarkMap landmarks_before = map_.landmarks();
+  const bool is_elsewhere = mapUse() == MapUse::kWaiting;
   if (!is_elsewhere) {
-    loseAll();
-    closures_.restart();
+    map_.loseAll(filter_);
+    map_.closures().restart();
   }
-  if (!(is_elsewhere ? closures_.placeIn(filter_, map_, world_T_imu, covariance)
+  if (!(is_elsewhere ? map_.closures().placeIn(filter_, map_.landmarks(), world_T_imu, covariance)
                      : recovery_.relocate(filter_, world_T_imu, covariance))) {
     filter_ = before;
-    map_ = map_before;
+    map_.landmarks() = landmarks_before;
     return false;
   }
-  if (is_elsewhere) clones_.clear();
-  clones_.breakOff();
+  if (is_elsewhere) map_.forgetPath();
+  map_.breakOffPath();
   tracks_.clear();
   if (last_frame_) last_frame_->position = filter_.pose().translation();
   return true;
@@ -323,51 +306,43 @@ bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covaria
 std::vector<LandmarkEstimate> InvariantEstimator::landmarks() const {
   Filter settled = filter_;
   settled.settle();
-  return map_.estimates(settled, false);
+  return map_.landmarks().estimates(settled, false);
 }
 
-/// Of a copy: what is large in it is shared.
 std::function<MapEstimate()> InvariantEstimator::exactMap() const {
-  return [filter = filter_, map = map_, clones = clones_, now = stamp_.value_or(0)]() mutable {
-    filter.settle();
-    const auto inactive = filter.inactive().estimates(true);
-    return MapEstimate{map.estimates(filter, inactive), clones.estimate(filter, inactive, now)};
-  };
+  return map_.exact(filter_, stamp_.value_or(0));
 }
 
-PathEstimate InvariantEstimator::path() const {
-  if (!map_.keepsInactive()) return {};
-  Filter settled = filter_;
-  settled.settle();
-  return clones_.estimate(settled, settled.inactive().estimates(false), stamp_.value_or(0));
-}
+PathEstimate InvariantEstimator::path() const { return map_.path(filter_, stamp_.value_or(0)); }
 
 std::function<SavedMap()> InvariantEstimator::savedMap() const {
   if (!keepsJointMap() || !stamp_) return {};
-  return [filter = filter_, map = map_, stamp = *stamp_] { return snapshotOf(filter, map, stamp); };
+  return [filter = filter_, landmarks = map_.landmarks(), stamp = *stamp_] {
+    return snapshotOf(filter, landmarks, stamp);
+  };
 }
 
 void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source,
                                     double max_gap_s) {
   requireMotion(*map, filter_, *motion_, source);
-  closures_.resumeFrom({std::move(map), max_gap_s});
+  map_.closures().resumeFrom({std::move(map), max_gap_s});
 }
 
 bool InvariantEstimator::resumeAt(Stamp now) {
-  if (const auto from = closures_.takeResume()) resume(*from, now);
+  if (const auto from = map_.closures().takeResume()) resume(*from, now);
   return mapUse() == MapUse::kResumed;
 }
 
 void InvariantEstimator::resume(const Closures::Resume& from, Stamp stamp) {
   const double gap = secondsBetween(from.map->stamp, stamp);
   if (gap >= 0.0 && gap <= from.max_gap_s) {
-    restore(*from.map, filter_, map_);
+    restore(*from.map, filter_, map_.landmarks());
     if (isValid(filter_, true) && canBridge(gap)) {
       stamp_ = from.map->stamp;
-      closures_.noteResumed();
+      map_.closures().noteResumed();
       return;
     }
-    map_.clear();
+    map_.landmarks().clear();
     begin(motion_->startPose(), startCovariance());
   }
   relocaliseIn(from.map);

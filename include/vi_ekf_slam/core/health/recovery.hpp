@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/validity.hpp"
@@ -34,6 +35,8 @@ class Recovery {
   /// as the error may be. The local map is to be begun anew then.
   Divergence judge(Filter& filter, const LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
                    const std::vector<Association>& associations, const FrameOutcome& outcome);
+  /// For what the estimate has not been believed since this was last asked.
+  Divergence takeDivergence() { return std::exchange(divergence_, Divergence::kNone); }
   /// tellPose.
   bool relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance);
   /// The next frame's travel begins here.
@@ -46,6 +49,9 @@ class Recovery {
   Matrix6d checkpointCovariance(Stamp now, double speed) const;
 
  private:
+  Divergence diverged(Filter& filter, const LandmarkMap& map, const StereoModel& model,
+                      const StereoFrame& frame, const std::vector<Association>& associations,
+                      const FrameOutcome& outcome);
   bool isJump(const Filter& filter, const SE3& motion) const;
   void followJump(Filter& filter, const SE3& motion);
   void distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases,
@@ -64,6 +70,7 @@ class Recovery {
   double unused_distance_ = 0.0, unused_angle_ = 0.0; ///< since the last one that was used
   Sample gyro_, velocity_;                            ///< the last ones
   bool has_frame_ = false;
+  Divergence divergence_ = Divergence::kNone; ///< the last one
   Stamp stamp_ = 0;
   SE3 pose_;
   Matrix6d covariance_ = Matrix6d::Zero();

@@ -5,8 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/map/closures.hpp"
-#include "vi_ekf_slam/core/map/pose_clones.hpp"
+#include "vi_ekf_slam/core/map/joint_map.hpp"
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
@@ -45,12 +44,14 @@ class InvariantEstimator : public Estimator {
   std::vector<LandmarkEstimate> landmarks() const override;
   std::function<MapEstimate()> exactMap() const override;
   PathEstimate path() const override;
-  std::optional<ClosedLoop> closedLoop() const override { return loop_; }
-  bool keepsJointMap() const override { return map_.keepsInactive(); }
+  std::optional<ClosedLoop> closedLoop() const override { return map_.closedLoop(); }
+  bool keepsJointMap() const override { return map_.isKept(); }
   std::function<SavedMap()> savedMap() const override;
-  void relocaliseIn(std::shared_ptr<const SavedMap> map) override { closures_.relocaliseIn(std::move(map)); }
+  void relocaliseIn(std::shared_ptr<const SavedMap> map) override {
+    map_.closures().relocaliseIn(std::move(map));
+  }
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
-  MapUse mapUse() const override { return closures_.use(); }
+  MapUse mapUse() const override { return map_.closures().use(); }
 
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
@@ -58,8 +59,6 @@ class InvariantEstimator : public Estimator {
   void propagate(Filter& filter, Stamp from, Stamp to) const;
   void checkpoint(bool thoroughly);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
-  void closeLoops(FrameReport& report);
-  void loseAll();
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
@@ -81,16 +80,12 @@ class InvariantEstimator : public Estimator {
   std::optional<StereoModel> model_;
   TrackSlip slip_;
   Filter filter_;
-  LandmarkMap map_;
+  JointMap map_;
   StandstillDetector standstill_;
   Recovery recovery_;
   TrackStatus tracks_;
-  Closures closures_;
-  PoseClones clones_;
-  std::optional<ClosedLoop> loop_; ///< of the last frame
   std::optional<Stamp> stamp_;
   std::optional<LastFrame> last_frame_;
-  Divergence divergence_ = Divergence::kNone; ///< to be reported with the next frame
 };
 
 } // namespace vi_ekf_slam
