@@ -13,9 +13,10 @@ from vi_ekf_slam.recordings.recording import Images, Imu, Recording, Velocity, r
 
 EARTH_RADIUS = 6378137.0  # m, of the development kit's Mercator projection
 ODOMETRY_START = 10**9  # ns, added to times.txt: ROS takes a stamp of zero for none
-# Columns of oxts, see its dataformat.txt: x forward, y left, z up; the accelerometers feel gravity.
+# Columns of oxts, see its dataformat.txt: x forward, y left, z up; the accelerometers feel gravity. The velocity is along
+# the earth's surface and upwards.
 LATITUDE, LONGITUDE, ALTITUDE, ROLL, PITCH, YAW = range(6)
-VELOCITY, ACCELERATION, RATE = slice(8, 11), slice(11, 14), slice(17, 20)
+LEVEL_VELOCITY, ACCELERATION, RATE = slice(8, 11), slice(11, 14), slice(17, 20)
 # Optical axes (x right, y down, z forward) on a body with x forward, y left, z up.
 BODY_R_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
@@ -36,7 +37,7 @@ def load_kitti_raw(folder, options):
         left_T_right=make_transform(np.eye(3), [baseline, 0.0, 0.0]),
         imu=Imu(stamps, oxts[:, RATE], oxts[:, ACCELERATION], None), notes=faults.notes())
     if options.velocity:
-        recording.velocity = Velocity(stamps, oxts[:, VELOCITY], options.velocity_sigma)
+        recording.velocity = Velocity(stamps, oxts_velocities(oxts), options.velocity_sigma)
     path = options.truth or os.path.join(folder, "truth_left_camera.txt")
     if options.truth or os.path.exists(path):
         first = int(np.argmin(np.abs(stamps - rows[0])))
@@ -95,6 +96,11 @@ def load_kitti_odometry(folder, options):
 def oxts_rotation(roll, pitch, yaw):
     """World_R_imu: rad, about x, y and z, as the development kit composes them."""
     return so3_exp([0, 0, yaw]) @ so3_exp([0, pitch, 0]) @ so3_exp([roll, 0, 0])
+
+
+def oxts_velocities(rows):
+    """Velocities (N, 3) of oxts rows in the IMU's axes, m/s."""
+    return np.array([oxts_rotation(*row[[ROLL, PITCH]], 0.0).T @ row[LEVEL_VELOCITY] for row in rows])
 
 
 def oxts_poses(rows):

@@ -17,7 +17,7 @@ from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_qua
 from vi_ekf_slam.evaluation.gauge import errors_after_yaw_alignment
 from vi_ekf_slam.recordings.asl import load_asl
 from vi_ekf_slam.recordings.image_files import Faults, image_size
-from vi_ekf_slam.recordings.kitti import load_kitti_raw, oxts_poses, oxts_rotation
+from vi_ekf_slam.recordings.kitti import load_kitti_raw, oxts_poses, oxts_rotation, oxts_velocities
 from vi_ekf_slam.recordings.kitti_files import read_oxts
 from vi_ekf_slam.recordings.rectification import RawCamera, rectify
 
@@ -130,6 +130,16 @@ def test_truth_begins_with_heading_and_position_zero_and_its_tilt(drive, name):
     assert np.allclose(poses[:, :3, 3], [[k, 0, 0] for k in range(4)], atol=1e-6) and np.allclose(poses[2, :3, :3], tilt)
 
 
+def test_the_velocity_of_oxts_is_along_the_earths_surface_and_is_turned_into_the_axes_of_the_imu():
+    slope = 0.1
+    row = np.zeros(30)
+    row[3:6] = [0.0, -slope, 2.0]  # nose up, heading anywhere
+    row[8:11] = [10.0 * np.cos(slope), 0.0, 10.0 * np.sin(slope)]
+    assert np.allclose(oxts_velocities(row[None]), [[10.0, 0.0, 0.0]])
+    row[3:6], row[8:11] = [0.1, 0.0, 2.0], [10.0, 1.0, 0.0]  # leaning to the right, sliding to the left
+    assert np.allclose(oxts_velocities(row[None]), [[10.0, np.cos(0.1), -np.sin(0.1)]])
+
+
 def test_kitti_raw(drive, tmp_path):
     topics = convert(drive("kitti raw"), tmp_path, "--velocity", "--velocity-sigma", "0.2")
     assert {topic: len(entries) for topic, entries in topics.items()} == {
@@ -139,7 +149,8 @@ def test_kitti_raw(drive, tmp_path):
     assert stamp == 1317042145 * 10**9 + 100000001  # 2011-09-26 13:02:25 UTC
     assert [imu.angular_velocity.y, imu.linear_acceleration.x, imu.linear_acceleration.z] == [0.02, 0.3, 9.8]
     velocity = topics["/velocity"][0][1].twist
-    assert [velocity.twist.linear.x, velocity.twist.linear.y] == [13.0, -0.1] and velocity.covariance[0] == pytest.approx(0.04)
+    linear = [velocity.twist.linear.x, velocity.twist.linear.y, velocity.twist.linear.z]
+    assert np.allclose(oxts_rotation(0.03, -0.02, 0.0) @ linear, [13.0, -0.1, 0.05]) and velocity.covariance[0] == pytest.approx(0.04)
     left, right = (topics["/%s/camera_info" % side][0][1] for side in ("left", "right"))
     assert list(left.P) == list(PROJECTIONS[0].ravel()) and right.P[3] == pytest.approx(-25.0) and set(left.D) == {0.0}
     camera_in_imu = inverse(read_reference(str(tmp_path / "out.bag")).cam_T_imu)
@@ -281,6 +292,16 @@ def test_the_two_truths_of_a_real_drive_agree():
     ins = oxts_poses(read_oxts(os.path.join(folder, "oxts"), Faults(False))[1])
     position, orientation = errors_after_yaw_alignment(poses, ins)
     assert len(poses) == 108 and position < 0.1 and orientation < 0.5
+
+
+def test_the_velocity_of_a_real_drive_is_that_of_its_own_poses():
+    """Along the earth's surface it would point 12 mrad down: the car's nose is up."""
+    folder = os.path.dirname(data_file("images/kitti_2011_09_26_0001/truth_left_camera.txt"))
+    stamps, rows = read_oxts(os.path.join(folder, "oxts"), Faults(False))
+    poses, velocities = oxts_poses(rows), oxts_velocities(rows)
+    way = np.diff(poses[:, :3, 3], axis=0) / np.diff(1e-9 * stamps)[:, None]
+    along_axes = np.einsum("nji,nj->ni", poses[:-1, :3, :3], way)
+    assert abs(np.mean(along_axes - velocities[:-1], axis=0)[2]) < 0.03
 
 
 def test_a_real_drive_of_euroc():
