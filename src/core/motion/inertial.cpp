@@ -80,14 +80,17 @@ void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp 
   const ImuInterval input = imu.over(from, to);
   const Eigen::Matrix3d& R = filter.pose().rotation();
   const Eigen::Vector3d v = filter.variables().mean(velocity_);
-  const Eigen::Vector3d w = input.rate - gyroBias(filter);
+  const Eigen::Vector3d mean_rate = input.rate - gyroBias(filter);
   const Eigen::Vector3d shown = input.acceleration - filter.variables().mean(accelerometer_bias_);
   const Eigen::Matrix3d C = unscaling(filter);
-  const Eigen::Vector3d a = C * shown;
+  const Eigen::Vector3d force = C * shown, more = C * input.acceleration_change;
+  // Of what changes over the step: coning and sculling, and the shorter way of a force that comes late.
+  const Eigen::Vector3d w = mean_rate + dt / 12.0 * mean_rate.cross(input.rate_change);
+  const Eigen::Vector3d a = force + dt / 12.0 * (mean_rate.cross(more) - input.rate_change.cross(force));
   const Eigen::Vector3d g(0.0, 0.0, -options_.gravity), phi = dt * w;
   const Eigen::Matrix3d G1 = so3::leftJacobian(phi), G2 = so3::secondIntegral(phi);
   const Eigen::Vector3d gained = dt * (R * (G1 * a) + g);
-  const Eigen::Vector3d moved = dt * v + dt * dt * (R * (G2 * a) + 0.5 * g);
+  const Eigen::Vector3d moved = dt * v + dt * dt * (R * (G2 * a - more / 12.0) + 0.5 * g);
 
   const Eigen::Matrix3d A = so3::hat(a), W = so3::hat(phi), WA = so3::hat(w.cross(a) * dt);
   const Eigen::Matrix3d D1 = -0.5 * A - (WA + W * A) / 6.0, D2 = -A / 6.0 - (WA + W * A) / 24.0;

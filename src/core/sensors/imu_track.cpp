@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/sensors/imu_track.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
@@ -22,7 +23,7 @@ void ImuTrack::reach(const ImuSample& sample) {
   if (last_ && sample.stamp > last_->stamp)
     period_ = std::min(secondsBetween(last_->stamp, sample.stamp), kLongestPeriod);
   noteDifferences(sample);
-  last_ = sample;
+  before_ = std::exchange(last_, sample);
   next_.reset();
 }
 
@@ -54,6 +55,27 @@ ImuTrack::Reading ImuTrack::at(Stamp stamp) const {
           (1.0 - s) * first.acceleration + s * next_->acceleration.value_or(none)};
 }
 
+/// What the parabola is off the straight line, in the mean over [from, to]: with the last sample at 0 and the
+/// next at h it is c s (s - h), of the second divided difference c.
+ImuTrack::Reading ImuTrack::bend(Stamp from, Stamp to) const {
+  Reading none;
+  if (!before_ || !last_ || !next_ || from >= to) return none;
+  const double h = secondsBetween(last_->stamp, next_->stamp),
+               g = secondsBetween(before_->stamp, last_->stamp);
+  if (!(h > 0.0 && g > 0.0 && h <= kLongestPeriod && g <= kLongestPeriod)) return none;
+  const auto integral = [h](double s) { return s * s * (s / 3.0 - h / 2.0); };
+  const double begin = secondsBetween(last_->stamp, from), end = secondsBetween(last_->stamp, to);
+  const double mean = (integral(end) - integral(begin)) / (end - begin);
+  const auto bent = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                        const Eigen::Vector3d& c) -> Eigen::Vector3d {
+    return mean / (g + h) * ((c - b) / h - (b - a) / g);
+  };
+  none.rate = bent(before_->angular_velocity, last_->angular_velocity, next_->angular_velocity);
+  if (before_->acceleration && last_->acceleration && next_->acceleration)
+    none.acceleration = bent(*before_->acceleration, *last_->acceleration, *next_->acceleration);
+  return none;
+}
+
 Eigen::Vector3d ImuTrack::rateAt(Stamp stamp) const { return at(stamp).rate; }
 
 Eigen::Matrix3d ImuTrack::gyroNoise(const ImuSample& sample) const {
@@ -66,9 +88,13 @@ Eigen::Matrix3d ImuTrack::gyroNoise(const ImuSample& sample) const {
 /// samples what walks ends where the second one is: over the gap it is off by walk^2 T^3 / 12; without a
 /// second one, T s after the last, it grows by walk^2 T^2.
 ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
-  const Reading a = at(from), b = at(to);
-  ImuInterval interval{0.5 * (a.rate + b.rate), 0.5 * (a.acceleration + b.acceleration),
-                       isotropic(noise_.gyro_density), isotropic(noise_.accelerometer_density)};
+  const Reading a = at(from), b = at(to), bent = bend(from, to);
+  ImuInterval interval{0.5 * (a.rate + b.rate) + bent.rate,
+                       0.5 * (a.acceleration + b.acceleration) + bent.acceleration,
+                       b.rate - a.rate,
+                       b.acceleration - a.acceleration,
+                       isotropic(noise_.gyro_density),
+                       isotropic(noise_.accelerometer_density)};
   const double period = period_ > 0.0 ? period_ : kUsualPeriod;
   if (!noise_given_ && last_ && last_->covariance) interval.rate_density = period * *last_->covariance;
   if (!noise_given_ && last_ && last_->acceleration_covariance)

@@ -38,6 +38,22 @@ TEST(ImuTrack, IsLinearBetweenTwoSamplesSoThatAFrameBetweenThemGetsItsShare) {
   EXPECT_LT(distance(imu.rateAt(fromSeconds(10.0025)), 10.0025 * Eigen::Vector3d(1.0, -2.0, 3.0)), 1e-7);
 }
 
+TEST(ImuTrack, IsTheParabolaThroughThreeSamplesHoweverTheyAreSpaced) {
+  const auto rate = [](double t) -> Eigen::Vector3d { return t * t * Eigen::Vector3d(30.0, -20.0, 10.0); };
+  const auto integral = [](double t) -> Eigen::Vector3d {
+    return t * t * t / 3.0 * Eigen::Vector3d(30.0, -20.0, 10.0);
+  };
+  ImuTrack imu(kNoise, true);
+  for (const double t : {1.0, 1.02}) imu.reach(imuSample(t, rate(t), -2.0 * rate(t)));
+  imu.expect(imuSample(1.05, rate(1.05), -2.0 * rate(1.05)));
+  for (const auto& [from, to] : {std::pair{1.02, 1.05}, {1.02, 1.03}, {1.03, 1.045}}) {
+    const ImuInterval over = imu.over(fromSeconds(from), fromSeconds(to));
+    const Eigen::Vector3d mean = (integral(to) - integral(from)) / (to - from);
+    EXPECT_LT(distance(over.rate, mean), 1e-6);
+    EXPECT_LT(distance(over.acceleration, -2.0 * mean), 1e-6);
+  }
+}
+
 TEST(ImuTrack, HoldsTheLastSampleWhereNoOtherIsKnownAndTheFirstBeforeIt) {
   ImuTrack imu(kNoise, true);
   EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), Eigen::Vector3d::Zero());

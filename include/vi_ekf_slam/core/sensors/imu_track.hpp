@@ -12,16 +12,18 @@ namespace vi_ekf_slam {
 struct ImuInterval {
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();         ///< mean, rad/s
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero(); ///< mean specific force, m/s^2
+  /// By which both change from its begin to its end.
+  Eigen::Vector3d rate_change = Eigen::Vector3d::Zero(), acceleration_change = Eigen::Vector3d::Zero();
   /// Spectral densities of the white noise of both, rad^2/s and m^2/s^3.
   Eigen::Matrix3d rate_density = Eigen::Matrix3d::Zero();
   Eigen::Matrix3d acceleration_density = Eigen::Matrix3d::Zero();
 };
 
-/// The IMU's last sample and the one that follows: its input between the two, which is taken as linear in
-/// time, and how far that can be wrong where they lie far apart, or where the body shakes more than the
-/// IMU's own noise and faster than it is sampled: that is measured by the fourth differences of the samples,
-/// which leave nothing of a motion that the samples follow (white noise of variance s^2 makes 70 s^2 of
-/// them).
+/// The IMU's last sample and the one that follows: its input between the two, which is taken as the parabola
+/// through them and the sample before, and how far that can be wrong where they lie far apart, or where the
+/// body shakes more than the IMU's own noise and faster than it is sampled: that is measured by the fourth
+/// differences of the samples, which leave nothing of a motion that the samples follow (white noise of
+/// variance s^2 makes 70 s^2 of them).
 class ImuTrack {
  public:
   /// `noise_given`: whether the noise holds in place of what the messages say.
@@ -46,11 +48,12 @@ class ImuTrack {
     Eigen::Vector3d rate = Eigen::Vector3d::Zero(), acceleration = Eigen::Vector3d::Zero();
   };
   Reading at(Stamp stamp) const;
+  Reading bend(Stamp from, Stamp to) const;
   void noteDifferences(const ImuSample& sample);
 
   ImuNoise noise_;
   bool noise_given_;
-  std::optional<ImuSample> last_, next_;
+  std::optional<ImuSample> before_, last_, next_;
   double period_ = 0.0;
   std::deque<Reading> recent_; ///< the last samples, regularly spaced
   Reading shaking_;            ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second
