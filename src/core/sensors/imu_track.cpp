@@ -16,6 +16,9 @@ constexpr double kMemory = 1.0;            // s, of how much the body shakes
 constexpr double kLeastDifferences = 5.0;  // to say so
 constexpr double kClearly = 2.0;           // times the noise that is stated; less is chance
 constexpr double kUsualPeriod = 0.01;      // s, before two samples have told
+// From one interval to the next: a parabola multiplies the noise of a shorter one (stamps of a host come in
+// bursts).
+constexpr double kRegular = 2.0;
 
 } // namespace
 
@@ -62,7 +65,9 @@ ImuTrack::Reading ImuTrack::bend(Stamp from, Stamp to) const {
   if (!before_ || !last_ || !next_ || from >= to) return none;
   const double h = secondsBetween(last_->stamp, next_->stamp),
                g = secondsBetween(before_->stamp, last_->stamp);
-  if (!(h > 0.0 && g > 0.0 && h <= kLongestPeriod && g <= kLongestPeriod)) return none;
+  if (!(h > 0.0 && g > 0.0 && std::max(g, h) <= kLongestPeriod &&
+        std::max(g, h) <= kRegular * std::min(g, h)))
+    return none;
   const auto integral = [h](double s) { return s * s * (s / 3.0 - h / 2.0); };
   const double begin = secondsBetween(last_->stamp, from), end = secondsBetween(last_->stamp, to);
   const double mean = (integral(end) - integral(begin)) / (end - begin);

@@ -212,7 +212,8 @@ std::string InertialAlignment::contradictionOf(const GravityFit& fit) const {
   if (std::abs(fit.free_length - length) > tolerance)
     return "gravity is not explained: the accelerometer and the pictures have " + rounded(fit.free_length) +
            " m/s^2, it must be " + rounded(length) + " within " + rounded(tolerance) + " (" +
-           (fit.free_length < 0.5 * length ? "are the accelerations in g? they must be in m/s^2; " : "") +
+           (fit.free_length < 0.5 * length ? "are the accelerations in g, or is gravity taken out of them? "
+                                           : "") +
            kAxes;
   if (fit.misfit > kLargestMisfit)
     return "the accelerometer contradicts the pictures: " + rounded(fit.misfit) +

@@ -38,7 +38,7 @@ TEST(ImuTrack, IsLinearBetweenTwoSamplesSoThatAFrameBetweenThemGetsItsShare) {
   EXPECT_LT(distance(imu.rateAt(fromSeconds(10.0025)), 10.0025 * Eigen::Vector3d(1.0, -2.0, 3.0)), 1e-7);
 }
 
-TEST(ImuTrack, IsTheParabolaThroughThreeSamplesHoweverTheyAreSpaced) {
+TEST(ImuTrack, IsTheParabolaThroughThreeSamplesThatAreNotQuiteRegular) {
   const auto rate = [](double t) -> Eigen::Vector3d { return t * t * Eigen::Vector3d(30.0, -20.0, 10.0); };
   const auto integral = [](double t) -> Eigen::Vector3d {
     return t * t * t / 3.0 * Eigen::Vector3d(30.0, -20.0, 10.0);
@@ -52,6 +52,14 @@ TEST(ImuTrack, IsTheParabolaThroughThreeSamplesHoweverTheyAreSpaced) {
     EXPECT_LT(distance(over.rate, mean), 1e-6);
     EXPECT_LT(distance(over.acceleration, -2.0 * mean), 1e-6);
   }
+}
+
+TEST(ImuTrack, IsLinearBehindASampleThatCameInABurst) {
+  ImuTrack imu(kNoise, true);
+  const Eigen::Vector3d noise(0.01, -0.01, 0.02), none = Eigen::Vector3d::Zero();
+  for (const auto& [t, rate] : {std::pair{1.0, none}, {1.0001, noise}}) imu.reach(imuSample(t, rate, none));
+  imu.expect(imuSample(1.01, none, none));
+  EXPECT_LT(distance(imu.over(fromSeconds(1.0001), fromSeconds(1.01)).rate, 0.5 * noise), 1e-12);
 }
 
 TEST(ImuTrack, HoldsTheLastSampleWhereNoOtherIsKnownAndTheFirstBeforeIt) {
