@@ -20,7 +20,7 @@ from vi_ekf_slam.rviz import offers
 from vi_ekf_slam.rviz.config import (TRACKS, TRUTH, displays_of, dump_config, load_config, set_frame_rate, shipped_path,
                                      switch, topic_displays)
 from vi_ekf_slam.rviz.legend import add_legend
-from vi_ekf_slam.rviz.session import RvizSession
+from vi_ekf_slam.rviz.session import RvizCrash, RvizSession
 
 EXIT_FAILED = 1
 LIMITS = (200, 4096)  # px
@@ -182,6 +182,14 @@ def complaints(displays, errors, wanted, published):
 def render(options):
     """Do what the parsed options ask. InputError when something is refused, RvizError when rviz is not content."""
     check_options(options)
+    try:
+        _render(options)
+    except RvizCrash as reason:  # a fault of rviz 1.14's own memory, seen once in some hundred pictures
+        print("%s; it is started once more" % reason, file=sys.stderr)
+        _render(options)
+
+
+def _render(options):
     width, height = options.size
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="render_rviz_"))

@@ -1,5 +1,6 @@
 """The other end of viewer.py: starts rviz as a process and asks it."""
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -14,6 +15,10 @@ from vi_ekf_slam.ros.private_ros import child
 
 START_LIMIT_S, ANSWER_LIMIT_S = 120.0, 60.0
 ERROR_LINE = re.compile(r"^\W*(?:\x1b\[[0-9;]*m)?\[(?:ERROR|FATAL)\]\s*(.*?)(?:\x1b\[[0-9;]*m)?$")
+
+
+class RvizCrash(InputError):
+    """rviz was ended by a signal, which no input of it explains."""
 
 
 class RvizSession:
@@ -58,7 +63,7 @@ class RvizSession:
             self.process.stdin.write((json.dumps(dict(arguments, do=action)) + "\n").encode("utf-8"))
             self.process.stdin.flush()
         except BrokenPipeError:
-            raise InputError(self._death())
+            raise self._death()
         return self._read(ANSWER_LIMIT_S)
 
     def draw(self, count):
@@ -79,7 +84,7 @@ class RvizSession:
         if line is None:
             raise InputError("rviz does not answer within %.0f s" % limit)
         if not line:
-            raise InputError(self._death())
+            raise self._death()
         answer = json.loads(line.decode("utf-8"))
         if "error" in answer:
             raise InputError("rviz: %s" % answer["error"])
@@ -88,4 +93,9 @@ class RvizSession:
     def _death(self):
         with open(self.log_path, encoding="utf-8", errors="replace") as stream:
             lines = stream.read().splitlines()
-        return "rviz ended by itself: %s" % (" | ".join(lines[-5:]) or "it printed nothing")
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(ANSWER_LIMIT_S)
+        crashed = (self.process.returncode or 0) < 0
+        how = "was ended by signal %d" % -self.process.returncode if crashed else "ended by itself"
+        said = " | ".join(lines[-5:]) or "it printed nothing"
+        return (RvizCrash if crashed else InputError)("rviz %s: %s" % (how, said))

@@ -16,6 +16,8 @@ from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_p
 from sensor_msgs.msg import Image
 
 from vi_ekf_slam.ros.private_ros import child, ros_master
+from vi_ekf_slam.rviz import renderer
+from vi_ekf_slam.rviz.session import RvizCrash, RvizSession
 
 SIZE = (900, 600)
 OUTPUT_TOPICS = {"/path", "/dead_reckoning/path", "/ground_truth/path", "/landmarks", "/landmark_cloud", "/odometry",
@@ -162,6 +164,31 @@ def test_a_broken_configuration_is_a_failure(folder):
     assert "NoSuchDisplay" in done.stderr
     assert "'Dead reckoning'" not in done.stderr and "'Frames'" not in done.stderr
     assert not (folder / "broken.png").exists()
+
+
+@needs_rviz
+def test_an_rviz_that_a_signal_ended_is_told_from_one_that_refuses(tmp_path):
+    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}  # without which Qt aborts
+    with pytest.raises(RvizCrash, match="ended by signal 6"):
+        with RvizSession(os.path.join(ROOT, "rviz", "vi_ekf_slam.rviz"), SIZE, environment, str(tmp_path)):
+            pass
+
+
+@pytest.mark.parametrize("crashes, tries", [(0, 1), (1, 2), (2, 2)])
+def test_a_picture_is_tried_once_more_after_a_crash(monkeypatch, capsys, crashes, tries):
+    calls = []
+
+    def draw(options):
+        calls.append(options)
+        if len(calls) <= crashes:
+            raise RvizCrash("rviz was ended by signal 11: nothing")
+    monkeypatch.setattr(renderer, "check_options", lambda options: None)
+    monkeypatch.setattr(renderer, "_render", draw)
+    try:
+        renderer.render("options")
+    except RvizCrash:
+        assert crashes == 2
+    assert calls == tries * ["options"] and ("once more" in capsys.readouterr().err) == (crashes > 0)
 
 
 @needs_rviz
