@@ -3,16 +3,24 @@
 #include <optional>
 
 namespace vi_ekf_slam {
+namespace {
+
+std::string textOf(MotionChoice choice, const std::string& reason) {
+  return (choice == MotionChoice::kInertial ? "inertial, " : "constant twist, ") + reason;
+}
+
+} // namespace
 
 MotionSelection::MotionSelection(const Config& config) : choice_(config.invariant.choice) {
   if (config.estimator == EstimatorType::kPaper) {
     choice_ = MotionChoice::kConstantTwist;
   } else if (!isOpen()) {
-    decide(choice_, "configured");
+    text_ = textOf(choice_, "configured");
   }
 }
 
 void MotionSelection::note(const ImuSample& sample) {
+  if (!isOpen()) return;
   if (!sample.acceleration)
     return decide(MotionChoice::kConstantTwist,
                   "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
@@ -28,8 +36,10 @@ void MotionSelection::close() {
 }
 
 void MotionSelection::decide(MotionChoice choice, const std::string& reason) {
+  if (!isOpen()) return;
   choice_ = choice;
-  text_ = (isInertial() ? "inertial, " : "constant twist, ") + reason;
+  text_ = textOf(choice, reason);
+  if (on_decision_) on_decision_();
 }
 
 } // namespace vi_ekf_slam

@@ -38,6 +38,7 @@ SlamSystem::SlamSystem(const Config& config)
       lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
       checks_(config) {
   checks_.setInertial(motion_.isInertial());
+  motion_.onDecision([this] { adoptMotion(); });
 }
 
 std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
@@ -50,7 +51,7 @@ std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
   return estimator;
 }
 
-/// The motion model is decided; nothing has been processed yet.
+/// Nothing has been processed yet.
 void SlamSystem::adoptMotion() {
   checks_.setInertial(motion_.isInertial());
   if (motion_.isInertial()) estimator_ = makeEstimator();
@@ -62,10 +63,7 @@ void SlamSystem::begin(const InitialState& state) {
     throw ConfigError(
         "an initial state is of no use to this configuration, whose motion is a constant twist: it needs "
         "motion: inertial or auto");
-  if (motion_.isOpen()) {
-    motion_.decide(MotionChoice::kInertial, "to go on from an initial state");
-    adoptMotion();
-  }
+  motion_.decide(MotionChoice::kInertial, "to go on from an initial state");
   estimator_->begin(state);
 }
 
@@ -88,10 +86,7 @@ void SlamSystem::setBiasPrior(const TwistBias& bias) {
 
 void SlamSystem::add(Measurement measurement) {
   if (!arrivals_.isValid(measurement)) return;
-  if (const auto* imu = std::get_if<ImuSample>(&measurement); imu && motion_.isOpen()) {
-    motion_.note(*imu);
-    if (!motion_.isOpen()) adoptMotion();
-  }
+  if (const auto* imu = std::get_if<ImuSample>(&measurement)) motion_.note(*imu);
   if (auto* frame = std::get_if<StereoFrame>(&measurement)) {
     frame->time_offset = estimator_->timeOffset();
     frame->stamp += fromSeconds(frame->time_offset);
@@ -135,10 +130,7 @@ bool SlamSystem::waits() const {
 }
 
 void SlamSystem::drain() {
-  if (motion_.isOpen() && arrivals_.newest() && (arrivals_.isOverfull() || !waits())) {
-    motion_.close();
-    adoptMotion();
-  }
+  if (arrivals_.newest() && (arrivals_.isOverfull() || !waits())) motion_.close();
   if (waits()) {
     while (arrivals_.isOverfull()) process(*arrivals_.popRegardless());
   } else {
@@ -147,10 +139,7 @@ void SlamSystem::drain() {
 }
 
 void SlamSystem::flush() {
-  if (motion_.isOpen() && !arrivals_.empty()) {
-    motion_.close();
-    adoptMotion();
-  }
+  if (!arrivals_.empty()) motion_.close();
   arrivals_.close();
   while (auto measurement = arrivals_.popRegardless()) process(*measurement);
 }

@@ -36,10 +36,28 @@ TEST(MotionSelection, IsAConstantTwistForASlowImuOneWithoutAccelerationsAndNone)
   EXPECT_EQ(none.text(), "constant twist, there is no IMU");
 }
 
+TEST(MotionSelection, TellsOfItsDecisionOnceAndKeepsToIt) {
+  MotionSelection selection{Config()};
+  int told = 0;
+  selection.onDecision([&] { told += selection.isOpen() ? 100 : 1; });
+  selection.note(gyro(0.0));
+  selection.decide(MotionChoice::kInertial, "to try");
+  for (int i = 1; i < 10; ++i) selection.note(accelerated(0.01 * i));
+  selection.close();
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(selection.choice(), MotionChoice::kConstantTwist);
+  EXPECT_NE(selection.text().find("no acceleration"), std::string::npos) << selection.text();
+}
+
 TEST(MotionSelection, IsWhatIsConfiguredWhateverComes) {
   Config config;
   config.invariant.choice = MotionChoice::kInertial;
   EXPECT_EQ(MotionSelection(config).text(), "inertial, configured");
+  MotionSelection selection(config);
+  selection.onDecision([] { ADD_FAILURE() << "the configuration has decided"; });
+  selection.note(gyro(0.0));
+  selection.close();
+  EXPECT_TRUE(selection.isInertial());
   config.estimator = EstimatorType::kPaper;
   EXPECT_EQ(MotionSelection(config).choice(), MotionChoice::kConstantTwist);
   EXPECT_EQ(MotionSelection(config).text(), "");

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <string>
+#include <utility>
 
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/imu_rate.hpp"
@@ -21,7 +23,10 @@ class MotionSelection {
   /// filter.
   const std::string& text() const { return text_; }
 
-  // While it is open:
+  /// Called once something has decided that the configuration left open.
+  void onDecision(std::function<void()> handler) { on_decision_ = std::move(handler); }
+
+  // Nothing, once it is decided:
   /// The next sample of the IMU as it comes, of which one or a few decide.
   void note(const ImuSample& sample);
   /// Nothing more is waited for.
@@ -32,6 +37,7 @@ class MotionSelection {
   MotionChoice choice_;
   std::string text_;
   ImuRate imu_rate_; ///< of the first samples
+  std::function<void()> on_decision_;
 };
 
 } // namespace vi_ekf_slam

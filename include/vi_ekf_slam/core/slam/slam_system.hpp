@@ -58,6 +58,8 @@ std::unique_ptr<Estimator> makeEstimator(const Config& config);
 class SlamSystem {
  public:
   explicit SlamSystem(const Config& config);
+  SlamSystem(const SlamSystem&) = delete; // what decides on the motion calls it
+  SlamSystem& operator=(const SlamSystem&) = delete;
 
   /// Called after each stereo frame, in the order of stamps.
   void onFrame(std::function<void(const Output&)> handler) { handlers_.frame = std::move(handler); }
