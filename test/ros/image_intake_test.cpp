@@ -169,8 +169,13 @@ TEST_F(Calibration, names_a_size_that_nobody_gave) {
 }
 
 TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_stays_so) {
-  PairCalibration calibration(ImageKind::kAuto, {});
-  calibration.setImuFrame("imu");
+  PairCalibration calibration(ImageKind::kAuto, {}, "");
+  for (const char* frame : {"imu", "another_imu"}) {
+    std_msgs::Header header;
+    header.frame_id = frame;
+    calibration.addImu(header);
+  }
+  EXPECT_EQ("imu", calibration.imuFrame());
   EXPECT_EQ("no sensor_msgs/CameraInfo on left/camera_info", calibration.problem());
   calibration.addLeft(info(false));
   EXPECT_EQ("no sensor_msgs/CameraInfo on right/camera_info", calibration.problem());
@@ -191,6 +196,14 @@ TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_s
   other.header.frame_id = "other";
   calibration.addLeft(other);
   EXPECT_EQ("left_optical", calibration.leftFrame());
+}
+
+TEST(PairCalibration, has_the_IMU_frame_that_it_is_told) {
+  PairCalibration calibration(ImageKind::kAuto, {}, "imu_link");
+  std_msgs::Header header;
+  header.frame_id = "imu";
+  calibration.addImu(header);
+  EXPECT_EQ("imu_link", calibration.imuFrame());
 }
 
 } // namespace

@@ -23,10 +23,8 @@ ImageIntake::ImageIntake(const FullConfig& config, const InputTopics& topics, Fe
     : config_(config.front_end),
       handlers_{std::move(on_features), {}, {}},
       pairing_({config.front_end.pair_tolerance_s, config.core.buffer.max_delay_s}),
-      imu_frame_(config.ros.imu_frame),
-      calibration_(config.front_end.images, topics),
+      calibration_(config.front_end.images, topics, config.ros.imu_frame),
       waits_for_rotation_(!topics.imu.empty()) {
-  calibration_.setImuFrame(imu_frame_);
   pairing_.expectGyro(!topics.imu.empty());
   updateHold();
 }
@@ -74,12 +72,9 @@ void ImageIntake::updateHold() {
 }
 
 void ImageIntake::add(const sensor_msgs::Imu& message) {
-  const auto converted = conversions::toImu(message, imu_frame_);
+  const auto converted = conversions::toImu(message, calibration_.imuFrame());
   if (!converted.sample) return; // the SLAM node counts and reports these
-  if (imu_frame_.empty()) {
-    imu_frame_ = conversions::frameName(message.header.frame_id);
-    calibration_.setImuFrame(imu_frame_);
-  }
+  calibration_.addImu(message.header);
   if (front_end_) {
     front_end_->addImu(*converted.sample);
   } else {

@@ -80,8 +80,9 @@ void PairCalibration::addTransforms(const tf2_msgs::TFMessage& message, bool is_
   updateRotation();
 }
 
-void PairCalibration::setImuFrame(const std::string& imu_frame) {
-  imu_frame_ = imu_frame;
+void PairCalibration::addImu(const std_msgs::Header& header) {
+  if (!imu_frame_.empty()) return;
+  imu_frame_ = conversions::frameName(header.frame_id);
   updateRotation();
 }
 

@@ -102,7 +102,6 @@ class ImageIntake {
   Handlers handlers_;
   ImagePairing pairing_;
   ImageDecoder decoder_;
-  std::string imu_frame_;
   PairCalibration calibration_;
   bool waits_for_rotation_;     ///< pairs do, for how the camera sits on the IMU
   std::deque<ImuSample> early_; ///< before the front end was there

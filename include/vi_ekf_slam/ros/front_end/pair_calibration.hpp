@@ -1,6 +1,7 @@
 #pragma once
 
 #include <sensor_msgs/CameraInfo.h>
+#include <std_msgs/Header.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <optional>
@@ -23,18 +24,22 @@ std::optional<StereoCalibration> stereoCalibration(const sensor_msgs::CameraInfo
 /// left one sits on the IMU. The first complete calibration holds.
 class PairCalibration {
  public:
-  /// Names of the topics are for messages.
-  PairCalibration(ImageKind images, const InputTopics& topics) : images_(images), topics_(topics) {}
+  /// Names of the topics are for messages. Without an `imu_frame` the IMU's first message names it.
+  PairCalibration(ImageKind images, const InputTopics& topics, const std::string& imu_frame)
+      : images_(images), topics_(topics), imu_frame_(imu_frame) {}
 
   void addLeft(const sensor_msgs::CameraInfo& info);
   void addRight(const sensor_msgs::CameraInfo& info);
   void addTransforms(const tf2_msgs::TFMessage& message, bool is_static);
-  void setImuFrame(const std::string& imu_frame);
+  /// A message of the IMU has come.
+  void addImu(const std_msgs::Header& header);
 
   const std::optional<StereoCalibration>& cameras() const { return cameras_; }
   /// Turns directions of the IMU frame into those of the rectified left camera; nothing as long as cameras or
   /// transform are not known.
   const std::optional<Eigen::Matrix3d>& cam_R_imu() const { return cam_R_imu_; }
+  /// Empty as long as it is not known.
+  const std::string& imuFrame() const { return imu_frame_; }
   /// Left optical frame; empty as long as it is not known.
   const std::string& leftFrame() const { return left_frame_; }
   /// What is missing or wrong with the cameras, as a sentence; empty once they are known.
