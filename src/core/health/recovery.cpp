@@ -56,16 +56,8 @@ void Recovery::endFrame() {
 Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoModel& model,
                            const StereoFrame& frame, const std::vector<Association>& associations,
                            const FrameOutcome& outcome) {
-  const Divergence divergence = diverged(filter, map, model, frame, associations, outcome);
-  if (divergence != Divergence::kNone) divergence_ = divergence;
-  return divergence;
-}
-
-Divergence Recovery::diverged(Filter& filter, const LandmarkMap& map, const StereoModel& model,
-                              const StereoFrame& frame, const std::vector<Association>& associations,
-                              const FrameOutcome& outcome) {
   const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
-  const Divergence divergence =
+  Divergence divergence =
       monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
                     outcome.capped_nis, outcome.skipped ? 0 : 3 * associations.size()});
   const bool may_be_jump = options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_frame_ &&
@@ -74,22 +66,24 @@ Divergence Recovery::diverged(Filter& filter, const LandmarkMap& map, const Ster
   const auto motion = commonMotion(displacedPoints(filter, map, model, frame, associations));
   if (divergence == Divergence::kNone) {
     if (!motion || !isJump(filter, *motion)) return Divergence::kNone;
+    divergence = Divergence::kJump;
     followJump(filter, *motion);
-    return Divergence::kJump;
-  }
-  const bool refused = divergence == Divergence::kRejections;
-  // Features that do not even agree with each other cannot have misled the estimate: they were not used.
-  if (refused && !motion) {
+  } else if (divergence == Divergence::kRejections && !motion) {
+    // Features that do not even agree with each other cannot have misled the estimate: they were not used.
     monitor_.restart();
-    return divergence;
+  } else {
+    goOnLost(filter, divergence, frame.stamp);
   }
-  // Frames that were refused have not misled the twist, which samples measured meanwhile.
+  return divergence_ = divergence;
+}
+
+/// Frames that were refused have not misled the twist, which samples measured meanwhile.
+void Recovery::goOnLost(Filter& filter, Divergence divergence, Stamp now) {
   TwistNoise sampled;
-  if (refused) sampled = {noiseOf(velocity_, frame.stamp), noiseOf(gyro_, frame.stamp)};
+  if (divergence == Divergence::kRejections) sampled = {noiseOf(velocity_, now), noiseOf(gyro_, now)};
   const Matrix6d lost = independentPose(std::max(kLostPosition, monitor_.distance()),
                                         std::clamp(monitor_.angle(), kLostRotation, kAnyAngle));
   distrust(filter, SE3(), lost, true, sampled);
-  return divergence;
 }
 
 /// Whether the motion (world) is more than what the vehicle may have driven, since the last frame and, with

@@ -61,24 +61,24 @@ ImuTrack::Reading ImuTrack::at(Stamp stamp) const {
 /// What the parabola is off the straight line, in the mean over [from, to]: with the last sample at 0 and the
 /// next at h it is c s (s - h), of the second divided difference c.
 ImuTrack::Reading ImuTrack::bend(Stamp from, Stamp to) const {
-  Reading none;
-  if (!before_ || !last_ || !next_ || from >= to) return none;
+  if (!before_ || !last_ || !next_ || from >= to) return {};
   const double h = secondsBetween(last_->stamp, next_->stamp),
                g = secondsBetween(before_->stamp, last_->stamp);
   if (!(h > 0.0 && g > 0.0 && std::max(g, h) <= kLongestPeriod &&
         std::max(g, h) <= kRegular * std::min(g, h)))
-    return none;
+    return {};
   const auto integral = [h](double s) { return s * s * (s / 3.0 - h / 2.0); };
   const double begin = secondsBetween(last_->stamp, from), end = secondsBetween(last_->stamp, to);
   const double mean = (integral(end) - integral(begin)) / (end - begin);
-  const auto bent = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                        const Eigen::Vector3d& c) -> Eigen::Vector3d {
+  const auto bendOf = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                          const Eigen::Vector3d& c) -> Eigen::Vector3d {
     return mean / (g + h) * ((c - b) / h - (b - a) / g);
   };
-  none.rate = bent(before_->angular_velocity, last_->angular_velocity, next_->angular_velocity);
+  Reading result;
+  result.rate = bendOf(before_->angular_velocity, last_->angular_velocity, next_->angular_velocity);
   if (before_->acceleration && last_->acceleration && next_->acceleration)
-    none.acceleration = bent(*before_->acceleration, *last_->acceleration, *next_->acceleration);
-  return none;
+    result.acceleration = bendOf(*before_->acceleration, *last_->acceleration, *next_->acceleration);
+  return result;
 }
 
 Eigen::Vector3d ImuTrack::rateAt(Stamp stamp) const { return at(stamp).rate; }

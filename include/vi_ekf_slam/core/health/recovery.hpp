@@ -49,11 +49,9 @@ class Recovery {
   Matrix6d checkpointCovariance(Stamp now, double speed) const;
 
  private:
-  Divergence diverged(Filter& filter, const LandmarkMap& map, const StereoModel& model,
-                      const StereoFrame& frame, const std::vector<Association>& associations,
-                      const FrameOutcome& outcome);
   bool isJump(const Filter& filter, const SE3& motion) const;
   void followJump(Filter& filter, const SE3& motion);
+  void goOnLost(Filter& filter, Divergence divergence, Stamp now);
   void distrust(Filter& filter, const SE3& motion, const Matrix6d& covariance, bool biases,
                 const TwistNoise& sampled = {});
 
