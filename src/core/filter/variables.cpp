@@ -13,6 +13,15 @@ namespace {
 constexpr std::size_t kTurnPoints = 8; // of fewer the noise passes for a turn
 constexpr double kLeastTurn = 1e-2;    // rad: half its square is a fiftieth of a pixel
 
+/// What is left of theta once theta^ has been corrected, theta' = M (theta - theta^), to first order in it
+/// (Mueller, Hehn and D'Andrea, JGCD 2017). A tilt that is learnt side by side is a heading else that nobody
+/// knows. The turn about the vertical is left as it is: no measurement sees it, nor may it pass for a tilt.
+Eigen::Matrix3d leftOfTurn(const Eigen::Vector3d& theta) {
+  Eigen::Matrix3d M = so3::leftJacobian(theta);
+  M.col(2) = Eigen::Vector3d::UnitZ();
+  return M;
+}
+
 } // namespace
 
 Variables::Variables(const SE3& pose) : pose_(pose) { add(Chart::kPose, Eigen::VectorXd::Zero(6)); }
@@ -86,6 +95,12 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
+/// Whether there is a velocity along the world's axes, and so a vertical.
+bool Variables::isLevel() const {
+  return std::any_of(order_.begin(), order_.end(),
+                     [this](Handle h) { return slots_[h].chart == Chart::kWorldVector; });
+}
+
 /// Whether a correction moves the points in view with the body (the tilt of the way so far where a body was
 /// blind, its length where the baseline is another) rather than the body alone (in a known map): by which of
 /// the two the points are seen to move less, as angles. The chart of one camera has to take the rest to first
@@ -93,11 +108,9 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
 bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                            const Eigen::Vector3d& seen_turn) const {
   double in_body = 0.0, in_world = 0.0;
-  bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;
-    is_level = is_level || slot.chart == Chart::kWorldVector;
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = mean_.segment<3>(slot.row) - pose_.translation();
     const Eigen::Vector3d y = error.segment<3>(slot.row) + seen_turn.cross(way);
@@ -106,7 +119,7 @@ bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen
     in_body += way.cross(y).squaredNorm() / (distance2 * distance2);
     in_world += way.cross(d).squaredNorm() / (distance2 * distance2);
   }
-  return is_level && in_body < in_world;
+  return isLevel() && in_body < in_world;
 }
 
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
@@ -146,6 +159,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
   const Eigen::Matrix3d U = so3::Exp(common);
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
   pose_ = SE3(turn * pose_.rotation(), now).normalized();
+  if (isLevel()) reexpressed.push_back({3, leftOfTurn(error.segment<3>(3))});
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;

@@ -11,8 +11,12 @@ namespace {
 /// along the axes that have turned; in a period of the core points keep theirs.
 Eigen::MatrixXd leftOf(const Filter& filter, const SE3& before, bool all) {
   Eigen::MatrixXd T = Eigen::MatrixXd::Identity(filter.rows(), filter.rows());
-  T.block<3, 3>(0, 3) = -so3::hat(filter.pose().translation() - before.translation());
   const Eigen::Matrix3d turn = filter.pose().rotation() * before.rotation().transpose();
+  if (filter.isLevel()) {
+    T.block<3, 3>(3, 3) = so3::leftJacobian(so3::Log(turn));
+    T.block<3, 3>(3, 3).col(2) = Eigen::Vector3d::UnitZ();
+  }
+  T.block<3, 3>(0, 3) = -so3::hat(filter.pose().translation() - before.translation()) * T.block<3, 3>(3, 3);
   for (const Handle handle : filter.variables().handles()) {
     const Chart chart = filter.variables().chartOf(handle);
     if (chart == Chart::kWorldVector || (all && chart == Chart::kPoint))

@@ -82,7 +82,11 @@ class DenseFilter {
       }
     }
     pose_ = SE3(turn * pose_.rotation(), now).normalized();
-    F.block<3, 3>(0, 3) = -so3::hat(now - before);
+    if (isLevel()) {
+      F.block<3, 3>(3, 3) = so3::leftJacobian(error.segment<3>(3));
+      F.block<3, 3>(3, 3).col(2) = Eigen::Vector3d::UnitZ();
+    }
+    F.block<3, 3>(0, 3) = -so3::hat(now - before) * F.block<3, 3>(3, 3);
     P_ = (F * P_ * F.transpose()).eval();
   }
 
@@ -177,16 +181,19 @@ class DenseFilter {
   /// Whether a correction moves the points less about the body than in the world, as angles; with gravity.
   bool goWithBody(const Eigen::VectorXd& error) const {
     double in_body = 0.0, in_world = 0.0;
-    bool is_level = false;
     for (const Variable& v : variables_) {
-      is_level = is_level || v.chart == Chart::kWorldVector;
       if (v.chart != Chart::kPoint || !v.active) continue;
       const Eigen::Vector3d way = v.mean - pose_.translation(), y = error.segment<3>(v.row);
       const Eigen::Vector3d d = y + error.segment<3>(3).cross(way) + error.head<3>();
       in_body += way.cross(y).squaredNorm() / std::pow(way.norm(), 4);
       in_world += way.cross(d).squaredNorm() / std::pow(way.norm(), 4);
     }
-    return is_level && in_body < in_world;
+    return isLevel() && in_body < in_world;
+  }
+
+  bool isLevel() const {
+    return std::any_of(variables_.begin(), variables_.end(),
+                       [](const Variable& v) { return v.chart == Chart::kWorldVector; });
   }
 
   Eigen::MatrixXd identity() const { return Eigen::MatrixXd::Identity(P_.rows(), P_.rows()); }

@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/core/filter/variables.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "states.hpp"
@@ -134,6 +135,35 @@ TEST(VariablesTest, MoveByTheirErrorsAsTheseAreDefinedAndNoFurtherThanTold) {
   some.retract(error, core, {});
   EXPECT_EQ(some.point(point), variables.point(point));
   EXPECT_LT(distance(state(some).x.head(core), after.x.head(core)), 1e-12);
+}
+
+/// Of a body whose tilt is learnt in two steps, one of them about x: what is left is about z too.
+TEST(VariablesTest, WhatIsLeftOfARotationsErrorIsToldToFirstOrder) {
+  Random random(5);
+  Variables start(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
+  start.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
+  for (int run = 0; run < 20; ++run) {
+    Eigen::VectorXd correction = Eigen::VectorXd::Zero(start.rows());
+    correction.segment<3>(3) = random.vector<3>(-0.1, 0.1);
+    const Eigen::Vector3d rest =
+        1e-4 * Eigen::Vector3d(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0), 0.0);
+    const Eigen::Matrix3d truth = so3::Exp(correction.segment<3>(3) + rest) * start.pose().rotation();
+    Variables corrected = start;
+    const auto reexpressed = corrected.retract(correction, corrected.rows(), {});
+    const auto turn =
+        std::find_if(reexpressed.begin(), reexpressed.end(), [](const auto& r) { return r.row == 3; });
+    ASSERT_NE(turn, reexpressed.end());
+    const Eigen::Vector3d left = so3::Log(truth * corrected.pose().rotation().transpose());
+    EXPECT_LT(distance(left, turn->M * rest), 1e-8); // 1e-5 off without M
+    EXPECT_EQ(distance(turn->M * Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitZ()), 0.0);
+  }
+}
+
+/// No axis is another one where none is the vertical's.
+TEST(VariablesTest, ARotationsErrorIsLeftAsItIsWithoutGravity) {
+  Variables variables{SE3()};
+  variables.add(Chart::kVector, filled(6, 0.0));
+  EXPECT_TRUE(variables.retract(filled(12, 0.1), variables.rows(), {}).empty());
 }
 
 /// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and no

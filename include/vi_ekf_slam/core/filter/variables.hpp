@@ -94,6 +94,9 @@ class Variables {
   };
   const std::vector<Named>& named() const { return named_; }
 
+  /// Whether one is a velocity along the world's axes: a filter with gravity, which knows the vertical.
+  bool isLevel() const;
+
   const SE3& pose() const { return pose_; }
   void setPose(const SE3& pose) { pose_ = pose; }
   /// Of any variable but the pose.
@@ -108,7 +111,7 @@ class Variables {
     LinearFunction N{};
   };
   /// Moves the variables of the first `rows` rows by their error; points as `chart` has it, where it is given
-  /// and defined. What became of the errors of points and world vectors.
+  /// and defined. What became of the errors of points and world vectors, and, with gravity, of the rotation.
   std::vector<Reexpressed> retract(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                                    const PointChart& chart);
 
