@@ -51,7 +51,8 @@ ROWS = (
     Row("no biases", ("--velocity-bias-sigma", "1e-6", "--gyro-bias-sigma", "1e-6"), {}),  # the bag's word goes first
     Row("no consensus (RANSAC)", (), {"studies": {"consensus": False}}),
     Row("no plausible gate", (), {"studies": {"plausible_gate": NEVER}}),
-    Row("no gate of the motion", (), {"invariant": {"motion_gate": NEVER}}),
+    Row("no gate of the frame", (), {"invariant": {"frame_gate": NEVER}}),
+    Row("no gate of the motion", (), {"studies": {"motion_gate": NEVER}}),
     Row("points start at their pixels", (), {"studies": {"unbiased_starts": False}}),
     Row("no standstill", (), {"invariant": {"standstill_px": 0.0}}),
     Row("no slip of the tracks", (), {"invariant": {"slip_sigma": 0.0}}),

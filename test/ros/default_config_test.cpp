@@ -57,7 +57,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("invariant.max_depth_m", c.stereo.max_depth_m);
   add("invariant.consensus_px", c.update.consensus_px);
   add("invariant.gate", c.update.gate);
-  add("invariant.motion_gate", c.update.motion_gate);
+  add("invariant.frame_gate", c.update.frame_gate);
   add("invariant.standstill_px", c.standstill_px);
   add("calibration.file", c.rig.known ? c.rig.known->baseline : 0.0);
   add("calibration.rotation_sigma", c.rig.rotation_sigma[0]);
@@ -96,6 +96,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("studies.consensus", c.update.consensus);
   add("studies.unbiased_starts", c.stereo.unbiased_starts);
   add("studies.plausible_gate", c.update.plausible_gate);
+  add("studies.motion_gate", c.update.motion_gate);
   add("studies.divergence_jump_m", c.recovery.jump_m);
   return f;
 }

@@ -49,7 +49,7 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("max_depth_m", Range::halfOpen(stereo.min_depth_m, 1e6), stereo.max_depth_m);
   section.read("consensus_px", Range::positive(), invariant.update.consensus_px);
   section.read("gate", Range::positive(), invariant.update.gate);
-  section.read("motion_gate", Range::positive(), invariant.update.motion_gate);
+  section.read("frame_gate", Range::positive(), invariant.update.frame_gate);
   section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.recovery.monitor.window_s);
   section.read("slip_sigma", Range::closed(0.0, 0.5), invariant.slip.sigma);
   section.read("slip_rotation_sigma", Range::closed(0.0, 0.1), invariant.slip.rotation_sigma);
@@ -131,6 +131,7 @@ void readStudies(YamlSection section, InvariantConfig& invariant) {
   section.read("consensus", invariant.update.consensus);
   section.read("unbiased_starts", invariant.stereo.unbiased_starts);
   section.read("plausible_gate", Range::positive(), invariant.update.plausible_gate);
+  section.read("motion_gate", Range::positive(), invariant.update.motion_gate);
   section.read("divergence_jump_m", Range::closed(0.0, 1e6), invariant.recovery.jump_m);
   section.finish();
 }

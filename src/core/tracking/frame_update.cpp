@@ -71,7 +71,8 @@ FrameOutcome FrameUpdate::apply(Filter& filter, std::vector<LinearMeasurement> m
 
 /// What moves with the camera (a lorry that fills the view) agrees with itself, but not with the motion.
 bool FrameUpdate::isPossible(Innovation& in, const Filter& filter) const {
-  return in.factorise() && motion_.twistChange(filter, in.error()) <= options_.motion_gate;
+  return in.factorise() && in.nis() <= options_.frame_gate * static_cast<double>(in.rows()) &&
+         motion_.twistChange(filter, in.error()) <= options_.motion_gate;
 }
 
 /// Which measurements agree with each other, or, without consensus, with the prediction.

@@ -8,7 +8,7 @@ namespace vi_ekf_slam {
 namespace {
 
 std::array<double, 5> numbersOf(const TuningConfig& t) {
-  return {t.path_period_s, t.landmark_period_s, t.max_bandwidth_bytes_s, t.gate, t.motion_gate};
+  return {t.path_period_s, t.landmark_period_s, t.max_bandwidth_bytes_s, t.gate, t.frame_gate};
 }
 
 TuningConfig tuningOf(const FullConfig& config) {
@@ -18,13 +18,13 @@ TuningConfig tuningOf(const FullConfig& config) {
   tuning.max_bandwidth_bytes_s = config.ros.max_bandwidth_bytes_s;
   const Gates gates = config.core.invariant.gates();
   tuning.gate = gates.gate;
-  tuning.motion_gate = gates.motion_gate;
+  tuning.frame_gate = gates.frame_gate;
   return tuning;
 }
 
 } // namespace
 
-Gates gatesOf(const TuningConfig& tuning) { return {tuning.gate, tuning.motion_gate}; }
+Gates gatesOf(const TuningConfig& tuning) { return {tuning.gate, tuning.frame_gate}; }
 
 void applyStored(const ros::NodeHandle& private_nh, FullConfig& config) {
   const ros::NodeHandle nh(private_nh, "tuning");

@@ -31,7 +31,7 @@ TEST(Config, NamesAnUnknownKeyAndTheKnownOnes) {
 TEST(Config, NamesAKeyThatIsNoMore) {
   for (const std::string key :
        {"drift_position", "drift_rotation", "manoeuvre_density", "manoeuvre_share", "twist_state",
-        "scale_significance", "deferred_mb", "consensus", "frame_gate", "min_depth_m", "divergence_nis"}) {
+        "scale_significance", "deferred_mb", "consensus", "motion_gate", "min_depth_m", "divergence_nis"}) {
     expectAll(errorIn("invariant: {" + key + ": 1}"), {"robot.yaml", "invariant." + key, "unknown key"});
   }
   expectAll(errorIn("map: {min_observations: 10}"),

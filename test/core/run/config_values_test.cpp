@@ -126,9 +126,12 @@ paper:
 
 TEST(Config, StudiesMaySwitchOffWhatNoVehicleAsksFor) {
   const InvariantConfig c =
-      parseConfig("studies: {consensus: false, plausible_gate: 14, divergence_jump_m: 0}", "x").invariant;
+      parseConfig("studies: {consensus: false, plausible_gate: 14, motion_gate: 15, divergence_jump_m: 0}",
+                  "x")
+          .invariant;
   EXPECT_FALSE(c.update.consensus);
   EXPECT_EQ(c.update.plausible_gate, 14.0);
+  EXPECT_EQ(c.update.motion_gate, 15.0);
   EXPECT_EQ(c.recovery.jump_m, 0.0);
 }
 

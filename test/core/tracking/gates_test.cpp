@@ -11,7 +11,7 @@ constexpr double kOpen = 1e12; // a gate through which everything goes
 FrameUpdate::Options openGates() {
   FrameUpdate::Options options;
   options.consensus = false;
-  options.gate = options.plausible_gate = options.motion_gate = kOpen;
+  options.gate = options.plausible_gate = options.frame_gate = options.motion_gate = kOpen;
   return options;
 }
 
@@ -46,6 +46,36 @@ TEST(FrameUpdate, RefusesAFrameThatWouldMoveTheTwistBeyondItsCovariance) {
   EXPECT_FALSE(isUsed(options, view, seenFrom(0.16)));
   options.motion_gate = kOpen;
   EXPECT_TRUE(isUsed(options, view, seenFrom(0.16))) << "no other gate tells";
+}
+
+TEST(FrameUpdate, RefusesAFrameWhoseInnovationsAreTooLargeAltogether) {
+  const View view(1.0, 2, 40);
+  const auto scattered = [&](double px) {
+    Random random(3);
+    return view.frameOf([&](FeatureId, const Eigen::Vector3d& q) -> StereoPixels {
+      return view.model.rig().camera.project(q) + px * random.vector<4>(-1.0, 1.0);
+    });
+  };
+  FrameUpdate::Options options = openGates();
+  options.frame_gate = FrameUpdate::Options().frame_gate;
+  EXPECT_TRUE(isUsed(options, view, scattered(2.0)));
+  EXPECT_FALSE(isUsed(options, view, scattered(10.0)));
+  EXPECT_TRUE(isUsed(openGates(), view, scattered(10.0)));
+}
+
+// It agrees with itself, so that no consensus tells.
+TEST(FrameUpdate, RefusesTheOnlyKnownFeatureWhereItIsAsWrongAsThis) {
+  const View view(1.0, 5, 1);
+  const auto aside = [&](double px) {
+    return view.frameOf([&](FeatureId, const Eigen::Vector3d& q) -> StereoPixels {
+      return view.model.rig().camera.project(q) + px * StereoPixels(1.0, 0.0, 1.0, 0.0);
+    });
+  };
+  EXPECT_TRUE(isUsed(FrameUpdate::Options(), view, aside(3.0)));
+  EXPECT_FALSE(isUsed(FrameUpdate::Options(), view, aside(8.0)));
+  FrameUpdate::Options options;
+  options.frame_gate = kOpen;
+  EXPECT_TRUE(isUsed(options, view, aside(8.0))) << "no other gate tells";
 }
 
 } // namespace

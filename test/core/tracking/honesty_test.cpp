@@ -117,7 +117,7 @@ TEST(FrameUpdate, ReportsAnNisOfMeanOneForTracksThatWalkAsTheyState) {
   const auto nisOf = [&](bool is_stated) {
     FrameUpdate::Options options;
     options.consensus = false;
-    options.gate = options.plausible_gate = options.motion_gate = 1e9;
+    options.gate = options.plausible_gate = options.frame_gate = options.motion_gate = 1e9;
     double nis = 0.0;
     for (unsigned run = 0; run < 200; ++run) {
       View view(0.3, run, 12);

@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 
 /// Limits of what is used of a frame that may be changed while it runs, see FrameUpdate::Options.
 struct Gates {
-  double gate, motion_gate;
+  double gate, frame_gate;
 };
 
 /// How the body is taken to move.
@@ -25,10 +25,10 @@ enum class MotionChoice {
 
 /// The right-invariant EKF, room by room.
 struct InvariantConfig {
-  Gates gates() const { return {update.gate, update.motion_gate}; }
+  Gates gates() const { return {update.gate, update.frame_gate}; }
   void setGates(const Gates& gates) {
     update.gate = gates.gate;
-    update.motion_gate = gates.motion_gate;
+    update.frame_gate = gates.frame_gate;
   }
 
   MotionChoice choice =
