@@ -14,8 +14,8 @@ constexpr std::size_t kTurnPoints = 8; // of fewer the noise passes for a turn
 constexpr double kLeastTurn = 1e-2;    // rad: half its square is a fiftieth of a pixel
 
 /// What is left of theta once theta^ has been corrected, theta' = M (theta - theta^), to first order in it
-/// (Mueller, Hehn and D'Andrea, JGCD 2017). A tilt that is learnt side by side is a heading else that nobody
-/// knows. The turn about the vertical is left as it is: no measurement sees it, nor may it pass for a tilt.
+/// (Mueller, Hehn and D'Andrea, JGCD 2017): a tilt that is learnt axis by axis turns the heading, too. The
+/// error about the vertical is left as it is, since no measurement sees it: it must not pass for a tilt.
 Eigen::Matrix3d leftOfTurn(const Eigen::Vector3d& theta) {
   Eigen::Matrix3d M = so3::leftJacobian(theta);
   M.col(2) = Eigen::Vector3d::UnitZ();
