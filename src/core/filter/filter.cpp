@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/filter/filter.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -44,6 +45,12 @@ void Filter::closeCore() {
   if (rows() > kMostCoreRows) throw std::logic_error("the core has more rows than its steps have room for");
   core_rows_ = rows();
   core_ = CompressedCore(core_rows_);
+}
+
+bool Filter::isLevel() const {
+  const auto& handles = variables_.handles();
+  return std::any_of(handles.begin(), handles.end(),
+                     [this](Handle h) { return variables_.chartOf(h) == Chart::kWorldVector; });
 }
 
 Eigen::MatrixXd Filter::covariance(Handle a, Handle b) const {

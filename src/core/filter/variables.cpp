@@ -95,12 +95,6 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
   return gone;
 }
 
-/// Whether there is a velocity along the world's axes, and so a vertical.
-bool Variables::isLevel() const {
-  return std::any_of(order_.begin(), order_.end(),
-                     [this](Handle h) { return slots_[h].chart == Chart::kWorldVector; });
-}
-
 /// Whether a correction moves the points in view with the body (the tilt of the way so far where a body was
 /// blind, its length where the baseline is another) rather than the body alone (in a known map): by which of
 /// the two the points are seen to move less, as angles. The chart of one camera has to take the rest to first
@@ -108,9 +102,11 @@ bool Variables::isLevel() const {
 bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                            const Eigen::Vector3d& seen_turn) const {
   double in_body = 0.0, in_world = 0.0;
+  bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;
+    is_level = is_level || slot.chart == Chart::kWorldVector;
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = mean_.segment<3>(slot.row) - pose_.translation();
     const Eigen::Vector3d y = error.segment<3>(slot.row) + seen_turn.cross(way);
@@ -119,7 +115,7 @@ bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen
     in_body += way.cross(y).squaredNorm() / (distance2 * distance2);
     in_world += way.cross(d).squaredNorm() / (distance2 * distance2);
   }
-  return isLevel() && in_body < in_world;
+  return is_level && in_body < in_world;
 }
 
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
@@ -159,7 +155,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
   const Eigen::Matrix3d U = so3::Exp(common);
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
   pose_ = SE3(turn * pose_.rotation(), now).normalized();
-  if (isLevel()) reexpressed.push_back({3, leftOfTurn(error.segment<3>(3))});
+  bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;
@@ -169,6 +165,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
     if (slot.chart == Chart::kWorldVector) {
       x = turn * (x + e).eval();
       reexpressed.push_back({slot.row, turn});
+      is_level = true;
     }
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
@@ -194,6 +191,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
     else
       reexpressed.push_back({slot.row, turn});
   }
+  if (is_level) reexpressed.push_back({3, leftOfTurn(error.segment<3>(3))});
   return reexpressed;
 }
 

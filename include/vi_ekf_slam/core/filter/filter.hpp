@@ -47,7 +47,7 @@ class Filter {
   auto covariance() const { return covariance_.topLeftCorner(rows(), rows()); }
   /// Whether gravity acts on it, whose direction is the world's: a core variable is a velocity in the world.
   /// Then only where it is and its heading are free.
-  bool isLevel() const { return variables_.isLevel(); }
+  bool isLevel() const;
   /// Of two variables' errors.
   Eigen::MatrixXd covariance(Handle a, Handle b) const;
   Eigen::MatrixXd covariance(Handle a) const { return covariance(a, a); }

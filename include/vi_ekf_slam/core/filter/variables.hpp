@@ -94,9 +94,6 @@ class Variables {
   };
   const std::vector<Named>& named() const { return named_; }
 
-  /// Whether one is a velocity along the world's axes: a filter with gravity, which knows the vertical.
-  bool isLevel() const;
-
   const SE3& pose() const { return pose_; }
   void setPose(const SE3& pose) { pose_ = pose; }
   /// Of any variable but the pose.
