@@ -58,7 +58,7 @@ std::vector<Eigen::Vector3d> moveAsChain(const std::vector<Eigen::Vector3d>& poi
   for (std::size_t begin = 0; begin < points.size();) {
     const std::size_t left = points.size() - begin;
     const Piece piece = pieceOf(points, corrections, begin, begin + (left < 2 * kPiece ? left : kPiece));
-    centre = begin == 0 ? Eigen::Vector3d(piece.centre + piece.correction)
+    centre = begin == 0 ? Eigen::Vector3d(piece.centre + so3::leftJacobian(piece.turn) * piece.correction)
                         : Eigen::Vector3d(centre + turned(piece.centre - last_centre,
                                                           piece.correction - last_correction));
     last_centre = piece.centre;

@@ -259,7 +259,6 @@ TEST(Gauge, AnActivePointMovesRigidlyWithThePose) {
 // second order in what the world was turned by.
 TEST(Gauge, APointThatWasInactiveComesBackAsIfItHadStayed) {
   WorldMoves world(6);
-  std::vector<double> errors;
   for (const double size : {0.1, 0.01, 0.0}) {
     Scene stayed = world.scene, went = world.scene;
     for (const Handle point : went.points) went.filter.deactivate(point, Eigen::Matrix3d::Zero());
@@ -278,11 +277,8 @@ TEST(Gauge, APointThatWasInactiveComesBackAsIfItHadStayed) {
         EXPECT_LT(distance(expected, went.filter.covariance(point, other)), 1e-11 + 2.0 * size * 0.1);
       }
     }
-    errors.push_back(worst);
+    EXPECT_LT(worst, 1e-12 + 10.0 * size * size);
   }
-  EXPECT_LT(errors[0], 0.2);
-  EXPECT_LT(errors[1], 0.02 * errors[0]) << "of second order";
-  EXPECT_LT(errors[2], 1e-12);
 }
 
 } // namespace
