@@ -55,7 +55,7 @@ Fields fieldsOf(const FullConfig& config) {
   add("invariant.pixel_sigma", c.stereo.pixel_sigma);
   add("invariant.min_disparity", c.stereo.min_disparity);
   add("invariant.max_depth_m", c.stereo.max_depth_m);
-  add("invariant.consensus_px", c.update.consensus_px);
+  add("invariant.consensus_sigmas", c.update.consensus_sigmas);
   add("invariant.gate", c.update.gate);
   add("invariant.frame_gate", c.update.frame_gate);
   add("invariant.standstill_px", c.standstill_px);

@@ -47,7 +47,7 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.read("pixel_sigma", Range::positive(), stereo.pixel_sigma);
   section.read("min_disparity", Range::positive(), stereo.min_disparity);
   section.read("max_depth_m", Range::halfOpen(stereo.min_depth_m, 1e6), stereo.max_depth_m);
-  section.read("consensus_px", Range::positive(), invariant.update.consensus_px);
+  section.read("consensus_sigmas", Range::positive(), invariant.update.consensus_sigmas);
   section.read("gate", Range::positive(), invariant.update.gate);
   section.read("frame_gate", Range::positive(), invariant.update.frame_gate);
   section.read("divergence_window_s", Range::closed(0.0, 3600.0), invariant.recovery.monitor.window_s);

@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/core/tracking/frame_update.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -81,12 +80,11 @@ std::vector<bool> FrameUpdate::choose(const Innovation& in, const std::vector<do
   std::vector<bool> passes(nis.size());
   std::transform(nis.begin(), nis.end(), passes.begin(), [gate](double n) { return n < gate; });
   if (!options_.consensus) return passes;
-  const double sigmas = options_.consensus_px / std::sqrt(model_.noise()(0, 0));
-  return largestConsensus(in, 4.0 * sigmas * sigmas, passes);
+  return largestConsensus(in, 4.0 * options_.consensus_sigmas * options_.consensus_sigmas, passes);
 }
 
-/// Takes back those that pass their own gate given the others: the consensus is judged in pixels, and a young
-/// landmark may be honestly uncertain.
+/// Takes back those that pass their own gate given the others: the consensus knows of a pixel's noise alone,
+/// and a young landmark may be honestly uncertain.
 bool FrameUpdate::reconsider(Innovation& in, FrameOutcome& outcome) const {
   std::vector<bool>& used = outcome.used;
   std::vector<bool> passes;

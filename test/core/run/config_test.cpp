@@ -29,9 +29,9 @@ TEST(Config, NamesAnUnknownKeyAndTheKnownOnes) {
 
 // What an older file may still ask for: it is not silently ignored.
 TEST(Config, NamesAKeyThatIsNoMore) {
-  for (const std::string key :
-       {"drift_position", "drift_rotation", "manoeuvre_density", "manoeuvre_share", "twist_state",
-        "scale_significance", "deferred_mb", "consensus", "motion_gate", "min_depth_m", "divergence_nis"}) {
+  for (const std::string key : {"drift_position", "drift_rotation", "manoeuvre_density", "manoeuvre_share",
+                                "twist_state", "scale_significance", "deferred_mb", "consensus",
+                                "consensus_px", "motion_gate", "min_depth_m", "divergence_nis"}) {
     expectAll(errorIn("invariant: {" + key + ": 1}"), {"robot.yaml", "invariant." + key, "unknown key"});
   }
   expectAll(errorIn("map: {min_observations: 10}"),

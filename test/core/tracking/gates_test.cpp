@@ -63,6 +63,23 @@ TEST(FrameUpdate, RefusesAFrameWhoseInnovationsAreTooLargeAltogether) {
   EXPECT_TRUE(isUsed(openGates(), view, scattered(10.0)));
 }
 
+// With finer pixels so is a match that is wrong by less.
+TEST(FrameUpdate, AgreesWithinTheNoiseOfThePixels) {
+  for (const double sigma : {0.1, 1.0}) {
+    const View start(sigma, 4, 40);
+    for (const double off : {0.5, 6.0}) {
+      View view = start;
+      const FrameOutcome outcome = view.apply(
+          FrameUpdate::Options(), view.frameOf([&](FeatureId id, const Eigen::Vector3d& q) -> StereoPixels {
+            const StereoPixels aside(off * sigma, 0.0, off * sigma, 0.0);
+            return view.model.rig().camera.project(q) + (id == 0 ? aside : StereoPixels::Zero().eval());
+          }));
+      EXPECT_EQ(usedOf(outcome), off < 1.0 ? 40 : 39) << sigma << " px, off by " << off;
+      EXPECT_EQ(outcome.used[0], off < 1.0);
+    }
+  }
+}
+
 // It agrees with itself, so that no consensus tells.
 TEST(FrameUpdate, RefusesTheOnlyKnownFeatureWhereItIsAsWrongAsThis) {
   const View view(1.0, 5, 1);

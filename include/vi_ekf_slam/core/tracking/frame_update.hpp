@@ -46,10 +46,11 @@ struct FrameOutcome {
 class FrameUpdate {
  public:
   struct Options {
-    bool consensus = true;     ///< 1-point RANSAC (for comparison: false)
-    double consensus_px = 1.2; ///< px, RMS residual of the four coordinates up to which a feature agrees
-    double gate = 11.345;      ///< chi-square limit with 3 degrees of freedom for a single feature (99 %)
-    double frame_gate = 5.0;   ///< NIS per degree of freedom beyond which a whole frame is impossible
+    bool consensus = true; ///< 1-point RANSAC (for comparison: false)
+    /// RMS residual of the four coordinates up to which a feature agrees, in sigmas of its pixels.
+    double consensus_sigmas = 1.2;
+    double gate = 11.345;    ///< chi-square limit with 3 degrees of freedom for a single feature (99 %)
+    double frame_gate = 5.0; ///< NIS per degree of freedom beyond which a whole frame is impossible
     /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all: wide,
     /// since the consensus chooses.
     double plausible_gate = 30.0;
