@@ -80,6 +80,7 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
     tracks_.clear();
     report_.begun_anew = true;
   }
+  if (has_jumped) last_.reset();
   if (isUseless(left.fault) || isUseless(right.fault)) return {images.stamp, {}};
   followLight(left.light, images.stamp);
   preparePicture(left, light_);

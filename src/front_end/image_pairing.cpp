@@ -19,6 +19,11 @@ void ImagePairing::add(PendingImage image, Camera& camera) {
     }
     counts_.*camera.alone += camera.waiting.size();
     camera.waiting.clear();
+    // Of the time that was left no gyro comes any more, for which all that follow would wait.
+    while (!pairs_.empty() && pairs_.back().left.stamp > image.stamp && lacksSomething(pairs_.back())) {
+      pairs_.pop_back();
+      ++counts_.shed;
+    }
   }
   camera.last = image.stamp;
   if (image.stamp > newest_ || secondsBetween(image.stamp, newest_) > kPairingJump) newest_ = image.stamp;
@@ -59,10 +64,13 @@ void ImagePairing::pairUp() {
   }
 }
 
-bool ImagePairing::isReady(const PendingPair& pair) {
-  if (is_closed_) return true;
+bool ImagePairing::lacksSomething(const PendingPair& pair) const {
   const bool lacks_gyro = gyro_expected_ && !(gyro_ && *gyro_ >= pair.left.stamp);
-  if (!is_held_ && !lacks_gyro) return true;
+  return is_held_ || lacks_gyro;
+}
+
+bool ImagePairing::isReady(const PendingPair& pair) {
+  if (is_closed_ || !lacksSomething(pair)) return true;
   if (secondsBetween(pair.left.stamp, newest_) <= options_.max_wait_s) return false;
   if (!is_held_) {
     ++counts_.without_gyro;

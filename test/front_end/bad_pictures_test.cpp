@@ -150,6 +150,20 @@ TEST_F(BadPictures, a_stamp_that_does_not_advance_is_refused_and_a_jump_back_beg
   for (const FeatureId id : ids()) EXPECT_EQ(0u, before.count(id)); // no id returns as another point
 }
 
+TEST_F(BadPictures, a_jump_back_into_other_light_is_seen_at_once) {
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    for (cv::Mat* image : {&images.left, &images.right}) *image *= 0.8;
+    front_end_.process(images);
+  }
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    images.stamp -= 60'000'000'000;
+    EXPECT_GT(front_end_.process(images).features.size(), kCount / 2);
+    EXPECT_EQ("", problemOf(front_end_.report()));
+  }
+}
+
 TEST_F(BadPictures, tracks_do_not_outlive_a_long_gap) {
   front_end_.process(look());
   frame_ += 20;

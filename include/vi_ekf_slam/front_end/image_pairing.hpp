@@ -35,7 +35,7 @@ class ImagePairing {
     std::uint64_t left_alone = 0, right_alone = 0; ///< no partner
     std::uint64_t disordered = 0;                  ///< not later than the one before of its camera
     std::uint64_t without_gyro = 0;                ///< pairs that waited for it in vain
-    std::uint64_t shed = 0;                        ///< pairs given up for newer ones
+    std::uint64_t shed = 0;                        ///< pairs given up for newer ones, or as time was set back
   };
 
   explicit ImagePairing(const Options& options) : options_(options) {}
@@ -67,6 +67,7 @@ class ImagePairing {
 
   void add(PendingImage image, Camera& camera);
   void pairUp();
+  bool lacksSomething(const PendingPair& pair) const;
   bool isReady(const PendingPair& pair);
 
   Options options_;
