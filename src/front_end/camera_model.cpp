@@ -4,10 +4,15 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <stdexcept>
+#include <string>
+
+#include "vi_ekf_slam/front_end/picture.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
+// px; of less OpenCV's pyramid has no level in which stereo matches are looked for.
+constexpr int kSmallest = (kWindow << kLevels) + 1, kLargest = 16384;
 constexpr double kFarOutside = -1e6; // px
 // 76 deg from the axis. There a pixel's error is 10 to 20 times as large in a plane, with bounds to neither
 // side.
@@ -28,9 +33,9 @@ std::vector<cv::Point2d> toDouble(const std::vector<cv::Point2f>& points) {
 CameraModel::CameraModel(const Parameters& parameters) : parameters_(parameters) {
   const auto fail = [](const std::string& text) { throw std::invalid_argument(text); };
   const auto& p = parameters_;
-  if (p.size.width < 32 || p.size.height < 32 || p.size.width > 16384 || p.size.height > 16384)
+  if (std::min(p.size.width, p.size.height) < kSmallest || std::max(p.size.width, p.size.height) > kLargest)
     fail("width x height is " + std::to_string(p.size.width) + " x " + std::to_string(p.size.height) +
-         ", allowed: 32 to 16384 px");
+         ", allowed: " + std::to_string(kSmallest) + " to " + std::to_string(kLargest) + " px");
   if (!cv::checkRange(p.K) || !cv::checkRange(p.R) || !cv::checkRange(p.P) || !cv::checkRange(p.D))
     fail("D, K, R or P is not finite");
   if (!(p.P(0, 0) > 0.0 && p.P(1, 1) > 0.0)) fail("focal lengths in P must be positive");

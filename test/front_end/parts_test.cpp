@@ -112,8 +112,10 @@ TEST(CameraModel, names_what_it_cannot_use) {
   p.K(0, 0) = 0.0;
   EXPECT_NE(std::string::npos, problem(p).find("focal lengths in K must be positive"));
   p = rational();
+  p.size = {61, 61};
+  EXPECT_EQ("", problem(p));
   p.size = {0, 0};
-  EXPECT_NE(std::string::npos, problem(p).find("width x height is 0 x 0, allowed: 32 to 16384 px"));
+  EXPECT_NE(std::string::npos, problem(p).find("width x height is 0 x 0, allowed: 61 to 16384 px"));
 }
 
 TEST(AnchorPatch, finds_itself_turned_scaled_and_in_other_light) {
@@ -357,6 +359,26 @@ TEST_F(Pairing, begins_anew_when_time_jumps_back) {
     pairing_.addRight(at(t));
   }
   EXPECT_EQ((std::vector<Stamp>{5000, 5100, 1000, 1100}), popAll());
+}
+
+TEST_F(Pairing, does_not_wait_for_the_gyro_of_a_time_that_was_left) {
+  const auto see = [this](double t) {
+    pairing_.noteGyro(fromSeconds(t - 0.01));
+    pairing_.addLeft(at(t));
+    pairing_.addRight(at(t));
+  };
+  see(5.0);
+  EXPECT_TRUE(popAll().empty());
+  for (const double t : {1.0, 1.1, 1.2}) see(t); // a bag that is played again
+  pairing_.noteGyro(fromSeconds(1.3));
+  EXPECT_EQ((std::vector<Stamp>{1000, 1100, 1200}), popAll());
+  EXPECT_EQ(1u, pairing_.counts().shed);
+  pairing_.addLeft(at(31.25)); // one stamp that is wrong
+  pairing_.addRight(at(31.25));
+  for (const double t : {1.3, 1.4}) see(t);
+  pairing_.noteGyro(fromSeconds(1.5));
+  EXPECT_EQ((std::vector<Stamp>{1300, 1400}), popAll());
+  EXPECT_EQ(2u, pairing_.counts().shed);
 }
 
 TEST(MotionPredictor, goes_on_as_before_but_for_the_rotation_that_the_gyro_measured) {

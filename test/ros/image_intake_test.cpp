@@ -165,7 +165,7 @@ TEST_F(Calibration, knows_each_distortion_by_its_name) {
 TEST_F(Calibration, names_a_size_that_nobody_gave) {
   left_.width = 0;
   EXPECT_FALSE(make());
-  EXPECT_EQ("left/camera_info: width x height is 0 x 480, allowed: 32 to 16384 px", problem_);
+  EXPECT_EQ("left/camera_info: width x height is 0 x 480, allowed: 61 to 16384 px", problem_);
 }
 
 TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_stays_so) {

@@ -123,6 +123,10 @@ TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
     system.flush();
     EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator(), store.savedPath())), resume)
         << "a copy is in before_resume_N";
+    const std::string folder = fs::path(directory_).filename().string();
+    for (const std::string& same : {at("./map.bag"), at("../" + folder + "/map.bag")})
+      EXPECT_EQ(static_cast<bool>(store.snapshot(system.estimator(), same)), resume) << same;
+    EXPECT_TRUE(store.snapshot(system.estimator(), at("other.bag")));
     EXPECT_EQ(store.keepsSaved(), resume);
   }
   EXPECT_THROW(MapStore({"", "", false, "map"}).load({}), MapError);

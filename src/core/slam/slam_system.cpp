@@ -236,7 +236,8 @@ void SlamSystem::process(const StereoFrame& frame) {
   const StateEstimate state = estimator_->state();
   updateDeadReckoning(frame, state);
   if (handlers_.frame)
-    handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop()});
+    handlers_.frame({state, dead_reckoning_.pose(), report, update.count(), estimator_->closedLoop(),
+                     frame.stamp - fromSeconds(frame.time_offset)});
 }
 
 /// Of what is measured; where no velocity is, of the estimated twist, which is smooth but for small steps of

@@ -55,7 +55,8 @@ void Diagnostics::noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Cl
 
 void Diagnostics::noteOutput(const Output& output, bool is_frame) {
   newest_output_ = output.state.stamp;
-  latency_.noteResult(is_frame ? Stream::kStereo : Stream::kImu, newest_output_);
+  latency_.noteResult(is_frame ? Stream::kStereo : Stream::kImu,
+                      is_frame ? output.frame_stamp : newest_output_);
   if (!is_frame) return;
   last_frame_ = output;
   slowest_update_s_ = std::max(slowest_update_s_, output.update_s);

@@ -129,7 +129,9 @@ void MapStore::resume(SlamSystem& system, const std::shared_ptr<const SavedMap>&
 
 std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator, const std::string& path) const {
   const std::lock_guard<std::mutex> lock(loaded_mutex_);
-  const bool would_replace = !settings_.resume && path == loaded_;
+  std::error_code none; // of a path that is no file, as an empty one
+  const bool would_replace =
+      !settings_.resume && fs::weakly_canonical(path, none) == fs::weakly_canonical(loaded_, none);
   if (estimator.mapUse() == MapUse::kWaiting && would_replace) return {};
   return estimator.savedMap();
 }

@@ -16,7 +16,7 @@ Publishers::Publishers(ros::NodeHandle nh, const RosConfig& config, double max_j
                        MapPublisher::PathSource path)
     : config_(config),
       base_(frames, config),
-      transforms_(frames, config, max_jump_s),
+      transforms_(nh, frames, config, max_jump_s),
       path_(nh, "path", config, listener_came_),
       dead_reckoning_path_(nh, "dead_reckoning/path", config, listener_came_),
       path_source_([this, path = std::move(path)] { return base_.path(path()); }),

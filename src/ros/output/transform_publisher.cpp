@@ -1,5 +1,8 @@
 #include "vi_ekf_slam/ros/output/transform_publisher.hpp"
 
+#include <tf2_msgs/TFMessage.h>
+
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/ros/conversions.hpp"
@@ -8,8 +11,18 @@ namespace vi_ekf_slam {
 
 using conversions::toTransform;
 
-TransformPublisher::TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_s)
-    : config_(config), max_jump_s_(max_jump_s), foreign_(frames, config.odom_frame) {}
+TransformPublisher::TransformPublisher(ros::NodeHandle nh, const FrameTree& frames, const RosConfig& config,
+                                       double max_jump_s)
+    : config_(config),
+      max_jump_s_(max_jump_s),
+      foreign_(frames, config.odom_frame),
+      tf_(nh.advertise<tf2_msgs::TFMessage>("/tf", 100)) {}
+
+void TransformPublisher::send(std::vector<geometry_msgs::TransformStamped> transforms) const {
+  tf2_msgs::TFMessage message;
+  message.transforms = std::move(transforms);
+  tf_.publish(message);
+}
 
 bool TransformPublisher::followsForeignOdometry() const {
   return config_.publish_tf && config_.publish_map_tf && !config_.publish_odom_tf && !config_.single_tf;
@@ -39,7 +52,7 @@ void TransformPublisher::publish(Stamp stamp, const SE3& map_T_base, const SE3& 
   }
   if (base.hasForeignParent() || !isNews(stamp)) return;
   if (config_.single_tf) {
-    broadcaster_.sendTransform(toTransform(map_T_base, stamp, config_.map_frame, base.name()));
+    send({toTransform(map_T_base, stamp, config_.map_frame, base.name())});
     return;
   }
   std::vector<geometry_msgs::TransformStamped> transforms;
@@ -49,7 +62,7 @@ void TransformPublisher::publish(Stamp stamp, const SE3& map_T_base, const SE3& 
         toTransform(map_T_base * odom_T_base.inverse(), later, config_.map_frame, config_.odom_frame));
   if (config_.publish_odom_tf)
     transforms.push_back(toTransform(odom_T_base, stamp, config_.odom_frame, base.name()));
-  broadcaster_.sendTransform(transforms);
+  send(std::move(transforms));
 }
 
 void TransformPublisher::noteTransforms(const BaseFrame& base) {
@@ -57,8 +70,7 @@ void TransformPublisher::noteTransforms(const BaseFrame& base) {
   const auto correction = foreign_.take(base.name());
   if (!correction || !isNews(correction->stamp)) return;
   const Stamp later = correction->stamp + fromSeconds(config_.transform_tolerance);
-  broadcaster_.sendTransform(
-      toTransform(correction->map_T_odom, later, config_.map_frame, config_.odom_frame));
+  send({toTransform(correction->map_T_odom, later, config_.map_frame, config_.odom_frame)});
 }
 
 } // namespace vi_ekf_slam

@@ -7,6 +7,7 @@ from vi_ekf_slam.common.geometry import make_transform, rotation_error
 PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
 MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
 MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
+COEFFICIENTS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (0, 4, 5, 8), "equidistant": (4,), "fisheye": (4,)}  # of D, by the model
 MIN_BASELINE, MAX_BASELINE = 0.02, 2.0  # m, of rigs that are sold or built
 
 
@@ -50,6 +51,8 @@ def check_calibration(rig, report):
         return
     left, right = (rig.infos[side] for side in ("left", "right"))
     fault = _fault(left, "left") or _fault(right, "right") or _pair_fault(left, right)
+    if fault is None and "features" not in rig.streams:
+        fault = _lens_fault(left, "left") or _lens_fault(right, "right")
     if fault is not None:
         report.red(*fault)
         return
@@ -77,6 +80,22 @@ def _fault(info, side):
                 "calibrate: rosrun camera_calibration, or Kalibr")
     if rotation_error(Camera(info).R) > 1e-3:
         return ("%s: R is no rotation" % topic, "", "R^T R = I within 1e-3", "calibrate again")
+    if info.binning_x > 1 or info.binning_y > 1 or info.roi.x_offset or info.roi.y_offset:
+        return ("%s has binning or a region of interest" % topic, "binning %d x %d, region at %d, %d" % (
+            info.binning_x, info.binning_y, info.roi.x_offset, info.roi.y_offset), "none: not supported",
+                "set the camera to its full picture, or calibrate the one that it sends")
+    return None
+
+
+def _lens_fault(info, side):
+    """What the front end refuses (ros/front_end/pair_calibration.cpp)."""
+    topic, model, count = "%s/camera_info" % side, info.distortion_model, len(info.D)
+    if model not in COEFFICIENTS and (model or count):
+        return ("%s: distortion_model is unknown" % topic, "'%s'" % model, ", ".join(m for m in COEFFICIENTS),
+                "calibrate with one of these; or, where the pictures are rectified already, ros/images: rectified")
+    if count not in COEFFICIENTS.get(model, (0,)):
+        return ("%s: D does not fit its model" % topic, "%d coefficients (%s)" % (count, model), " or ".join(
+            str(n) for n in COEFFICIENTS.get(model, (0,))), "calibrate again, or leave out those that are too many if they are 0")
     return None
 
 

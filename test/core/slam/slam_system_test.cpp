@@ -281,6 +281,26 @@ TEST(SlamSystem, WorksWithoutListeners) {
   EXPECT_EQ(total(system.counts().processed), 161U);
 }
 
+TEST(SlamSystem, TellsOfAFrameWithTheStampThatItCameWith) {
+  Config config;
+  config.estimator = EstimatorType::kInvariant;
+  config.invariant.rig.time_offset = 0.0123456789;
+  SlamSystem system(config);
+  system.setRig(exampleRig());
+  std::vector<Stamp> came, told;
+  system.onFrame([&](const Output& output) {
+    told.push_back(output.frame_stamp);
+    EXPECT_EQ(output.state.stamp - output.frame_stamp, fromSeconds(config.invariant.rig.time_offset));
+  });
+  for (const auto& m : drive(100.0, 2.0)) {
+    if (std::holds_alternative<StereoFrame>(m)) came.push_back(stampOf(m));
+    system.add(m);
+  }
+  system.flush();
+  EXPECT_GT(told.size(), 10u);
+  EXPECT_EQ(came, told);
+}
+
 TEST(SlamSystem, FeatureCountsAreTheSumsOfTheReports) {
   SlamSystem system(makeConfig(PaperMode::kSlam));
   std::size_t features = 0, used = 0, invalid = 0, rejected = 0;

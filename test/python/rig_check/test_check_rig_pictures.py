@@ -68,7 +68,22 @@ def broken_files(entries):
     return entries
 
 
+def lens(model, count):
+    def change(left, right):
+        for info in (left, right):
+            info.distortion_model, info.D = model, [0.01] * count
+    return lambda entries: breaking.infos(entries, change)
+
+
+def binned(left, right):
+    left.binning_x = right.binning_x = 2
+
+
 FAULTS = {
+    "fisheye of five": (RED, "left/camera_info: D does not fit its model", lens("equidistant", 5)),
+    "plumb_bob of three": (RED, "left/camera_info: D does not fit its model", lens("plumb_bob", 3)),
+    "unknown lens": (RED, "left/camera_info: distortion_model is unknown", lens("brown_conrady", 5)),
+    "binned": (RED, "left/camera_info has binning or a region of interest", lambda e: breaking.infos(e, binned)),
     "exchanged": (RED, "left and right pictures are exchanged", exchange),
     "not rectified": (RED, "matched points lie in different rows", lambda e: rigs.change_pictures(e, "right", bend)),
     "rows shifted": (RED, "matched points lie in different rows", lambda e: rigs.change_pictures(e, "right", lambda i: np.roll(i, 6, 0))),

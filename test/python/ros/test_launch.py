@@ -28,3 +28,9 @@ def test_only_a_bag_makes_nodes_required(tmp_path, kind, front_end):
     ours = {"slam"} | ({"front_end"} if front_end == "true" else set())
     assert {name for name, is_required in with_bag.items() if is_required} == ours | {"play_bag"}
     assert ours <= set(live) and "play_bag" not in live and not any(live.values())
+
+
+@pytest.mark.parametrize("kind", ["false", "true"])
+def test_all_that_computes_is_started_again_where_that_is_asked_for(kind):
+    config = load_config_default([(os.path.abspath(LAUNCH), ["nodelet:=" + kind, "front_end:=true", "respawn:=true"])], None)
+    assert {node.name for node in config.nodes if node.respawn} == {"slam", "front_end"} | ({"slam_manager"} if kind == "true" else set())

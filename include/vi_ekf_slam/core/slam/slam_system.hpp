@@ -27,6 +27,8 @@ struct Output {
   FrameReport report;               ///< only for frames
   double update_s = 0.0;            ///< s of wall time that the estimator took; only for frames
   std::optional<ClosedLoop> loop{}; ///< that the frame has closed
+  /// With which the frame came: an offset of the camera's clock has moved that of `state`. Only for frames.
+  Stamp frame_stamp = 0;
 };
 
 /// Of what was processed.

@@ -1,9 +1,11 @@
 #pragma once
 
-#include <tf2_ros/transform_broadcaster.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <ros/ros.h>
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "vi_ekf_slam/ros/output/base_frame.hpp"
 #include "vi_ekf_slam/ros/output/foreign_odometry.hpp"
@@ -16,7 +18,7 @@ namespace vi_ekf_slam {
 class TransformPublisher {
  public:
   /// `frames` must outlive this.
-  TransformPublisher(const FrameTree& frames, const RosConfig& config, double max_jump_s);
+  TransformPublisher(ros::NodeHandle nh, const FrameTree& frames, const RosConfig& config, double max_jump_s);
 
   void publish(Stamp stamp, const SE3& map_T_base, const SE3& odom_T_base, const BaseFrame& base);
   /// Whether the configuration has this transform sent.
@@ -31,12 +33,14 @@ class TransformPublisher {
 
  private:
   bool isNews(Stamp stamp);
+  void send(std::vector<geometry_msgs::TransformStamped> transforms) const;
 
   RosConfig config_;
   double max_jump_s_;
   ForeignOdometry foreign_;
   std::optional<Stamp> last_;
-  tf2_ros::TransformBroadcaster broadcaster_;
+  /// tf2's broadcaster has a handle of its own, which does not know what a nodelet has remapped.
+  ros::Publisher tf_;
 };
 
 } // namespace vi_ekf_slam

@@ -11,6 +11,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from roslib.packages import find_node
+from tf2_msgs.msg import TFMessage
 
 from node_runner import START, NodeRunner, bound_files, patiently
 
@@ -36,13 +37,13 @@ class NodeletTest(NodeRunner):
         process.log = log
         return process
 
-    def start_nodelet(self, preexec_fn=None, **parameters):
+    def start_nodelet(self, *remappings, preexec_fn=None, **parameters):
         """(manager, what loaded the nodelet), once it listens."""
         self.set_parameters(patiently(parameters))
         self.wait_for(lambda: not any(p.get_num_connections() for p in self.publishers.values()))
         nodelet = find_node("nodelet", "nodelet")[0]
         manager = self.start_process(nodelet, "manager", "__name:=" + MANAGER, preexec_fn=preexec_fn)
-        loader = self.start_process(nodelet, "load", "vi_ekf_slam/SlamNodelet", MANAGER, "__name:=" + self.name)
+        loader = self.start_process(nodelet, "load", "vi_ekf_slam/SlamNodelet", MANAGER, "__name:=" + self.name, *remappings)
         self.wait_for(lambda: all(p.get_num_connections() > 0 for p in self.publishers.values()))
         return manager, loader
 
@@ -99,6 +100,15 @@ class NodeletTest(NodeRunner):
         self.wait_for(self.statuses)
         self.assertEqual({self.name}, {status.name.split(": ")[0] for status in self.statuses()})
 
+    def test_its_transforms_go_where_they_are_remapped_to(self):
+        """In a manager that knows nothing of it."""
+        sent = self.listen("/robot/tf", TFMessage)
+        self.start_nodelet("/tf:=/robot/tf")
+        self.play(0.0, 1.0)
+        self.wait_for(lambda: sent)
+        published = dict(rospy.get_master().getSystemState()[2][0])
+        self.assertNotIn("/" + MANAGER, published.get("/tf", []))
+
     def check_failure_is_reported(self):
         """In the nodelet's name."""
         failed = [s for s in self.statuses() if s.level == DiagnosticStatus.ERROR and "the computing has ended" in s.message]
@@ -107,7 +117,7 @@ class NodeletTest(NodeRunner):
 
     def test_a_fault_ends_the_nodelet_and_nothing_else(self):
         """Said in log and diagnostics; what loaded it ends too, so that roslaunch can start it again."""
-        manager, loader = self.start_nodelet(bound_files, output_dir=self.results(), autosave_period=0)
+        manager, loader = self.start_nodelet(preexec_fn=bound_files, output_dir=self.results(), autosave_period=0)
         self.reckon_until(lambda: loader.poll() is not None)
         self.assertIn("the computing has ended", self.log(manager))
         self.assertIn("the nodelet ends", self.log(manager))
