@@ -31,7 +31,7 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
   --save-map           writes DIR/map.bag too: the map with its joint covariance, for --load-map and the node
   --save-calibration FILE  writes the calibration that was estimated (section calibration of the configuration) there too,
                        for calibration/file of the next run's configuration
-  --load-map FILE      a map.bag to relocalise in, by ids that return
+  --load-map FILE      a map.bag to relocalise in, by ids that return or by looks
   --save-features BAG  writes the features that the front end made, and all other inputs, as a bag that needs no front end
   --check              only looks whether these files can be used, and prints the configuration's absolute path
   --quiet              errors only
@@ -39,8 +39,8 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
 
 Exit code: 0 all went well; 1 the command line, the configuration or the output is not usable; 2 the bag or the map
 is not usable, or the bag only in part: it cannot be read to its end, or an input that the estimator needs is not in it
-(IMU and velocity; features, both camera_infos and the transform too, unless the configuration is one of dead
-reckoning). What could be computed is written then.
+(an IMU, and a velocity unless it tells accelerations at 50 Hz or more; features, both camera_infos and the transform
+too, unless the configuration is one of dead reckoning). What could be computed is written then.
 )";
 
 namespace {

@@ -15,7 +15,7 @@ namespace {
 constexpr char kWhat[] =
     "\nThe SLAM node: IMU, velocity and stereo features in; pose, path and map out. It waits for a master.\n"
     "slam.launch starts it with all that it needs (roslaunch vi_ekf_slam slam.launch --ros-args).\n"
-    "Topics are in docs/running.md, parameters in docs/configuration.md.\n";
+    "Topics are in docs/own_rig.md, parameters in docs/configuration.md.\n";
 constexpr double kSpinPeriod = 0.05; // s
 constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
 

@@ -9,7 +9,7 @@
 | imu_T_rectleft | 4 x 4 | the rectified left camera on the IMU |
 | gravity | 3 | m/s^2 in the world frame, downwards along z |
 | cam_t, frame_ptr | T, T + 1 | s; frame k has the rows frame_ptr[k] to frame_ptr[k + 1] of what follows |
-| id, uv, sigma_q | M, M x 4, M x 4 | track, uL vL uR vR in px, 64 standard deviations of each in px |
+| id, uv, sigma_q | M, M x 4, M x 4 | track, uL vL uR vR in px, standard deviation of each in 1/64 px |
 | truth_t, truth_q, truth_p | L, L x 4, L x 3 | s, quaternion x y z w of world_T_imu, m |
 | init_tight | 16 | quaternion, position, velocity, gyro and accelerometer bias at truth_t[0] |
 | P0_tight | 15 x 15 | covariance of it: (rotation in IMU axes, position, velocity, biases), estimate minus truth |
