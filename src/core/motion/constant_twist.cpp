@@ -16,17 +16,19 @@ void ConstantTwist::addTo(Filter& filter) {
 
 void ConstantTwist::setBiasPrior(Filter& filter, const TwistBias& bias) {
   prior_bias_ = bias.mean;
+  is_bias_told_ = true;
   options_.prior_bias_sigma = bias.sigma;
   resetBiases(filter);
 }
 
 void ConstantTwist::setOpticalBody() {
   if (std::exchange(is_optical_, true)) return;
-  for (Vector6d* of_vehicle : {&options_.twist_density, &options_.bias_density, &options_.prior_twist_sigma,
-                               &options_.prior_bias_sigma}) {
-    const Vector6d v = *of_vehicle;
-    *of_vehicle << v[1], v[2], v[0], v[4], v[5], v[3];
-  }
+  const auto turn = [](Vector6d& of_vehicle) {
+    const Vector6d v = of_vehicle;
+    of_vehicle << v[1], v[2], v[0], v[4], v[5], v[3];
+  };
+  for (Vector6d* v : {&options_.twist_density, &options_.bias_density, &options_.prior_twist_sigma}) turn(*v);
+  if (!is_bias_told_) turn(options_.prior_bias_sigma); // else it is along the sensor's axes
 }
 
 SE3 ConstantTwist::startPose() const {

@@ -22,7 +22,21 @@ constexpr double kRegular = 2.0;
 
 } // namespace
 
-void ImuTrack::reach(const ImuSample& sample) {
+/// Where it has no acceleration, unlike those before (a message that lacks it, an accelerometer that fails),
+/// with the last one that was measured.
+ImuSample ImuTrack::completed(ImuSample sample) const {
+  if (!sample.acceleration && last_) {
+    sample.acceleration = last_->acceleration;
+    sample.acceleration_covariance = last_->acceleration_covariance;
+  }
+  return sample;
+}
+
+void ImuTrack::expect(const ImuSample& next) { next_ = completed(next); }
+
+void ImuTrack::reach(const ImuSample& measured) {
+  if (measured.acceleration) accelerated_ = measured.stamp;
+  const ImuSample sample = completed(measured);
   if (last_ && sample.stamp > last_->stamp)
     period_ = std::min(secondsBetween(last_->stamp, sample.stamp), kLongestPeriod);
   noteDifferences(sample);
@@ -119,6 +133,9 @@ ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
     interval.rate_density += growth * isotropic(kRateWalk);
     interval.acceleration_density += growth * isotropic(kAccelerationWalk);
   }
+  const double held = accelerated_ ? secondsBetween(*accelerated_, to) : 0.0;
+  if (held > kLongestPeriod && gap <= kLongestPeriod)
+    interval.acceleration_density += held * held * isotropic(kAccelerationWalk);
   return interval;
 }
 

@@ -23,6 +23,7 @@ constexpr double kSigmas = 4.0;
 // m/s^2: gravity's own range on Earth is 0.05, an accelerometer's scale 1 %
 constexpr double kGravityTolerance = 0.2;
 constexpr std::size_t kUsedFeatures = 8;  // of a frame whose pose counts
+constexpr std::size_t kFewestTracked = 20; // of its own, however few the filter is to have
 constexpr double kLongestBlindness = 0.5; // s; what is seen after it is not known to be near what was before
 constexpr double kLeastSigma = 1e-3;      // m, of a pose: what front ends do wrong together
 // Wide beside what a start is known to, narrow enough for the filter to be linear there.
@@ -42,6 +43,7 @@ SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
 InvariantConfig odometryConfig(InvariantConfig config) {
   config.choice = MotionChoice::kConstantTwist;
   config.map.keep = MapKeep::kNone;
+  config.max_tracked = std::max(config.max_tracked, kFewestTracked);
   config.slip.sigma = 0.0; // which over so short a way is a scale that nothing else tells
   config.motion.twist_density << 5.0, 5.0, 5.0, 5.0, 5.0, 5.0;
   config.motion.prior_bias_sigma.tail<3>().setConstant(config.inertial.gyro_bias_sigma);
@@ -128,14 +130,17 @@ void InertialAlignment::setTimeOffset(double time_offset) {
   if (origin_) *origin_ += ahead;
 }
 
-/// All before the oldest pose that counts, but the IMU's sample right before it.
+/// All before the oldest pose that counts, but the IMU's sample right before it and what follows that.
 void InertialAlignment::forgetOld(Stamp now) {
   while (!poses_.empty() && secondsBetween(poses_.front().stamp, now) > kLongest) poses_.pop_front();
   const Stamp from = poses_.empty() ? now - fromSeconds(kLongest) : poses_.front().stamp;
-  std::size_t gone = 0;
+  std::optional<std::size_t> last_imu;
+  std::size_t older = 0;
   for (std::size_t i = 0; i < measurements_.size() && stampOf(measurements_[i]) <= from; ++i) {
-    if (isImu(measurements_[i])) gone = i;
+    if (isImu(measurements_[i])) last_imu = i;
+    if (stampOf(measurements_[i]) < from) older = i + 1;
   }
+  const std::size_t gone = last_imu.value_or(older);
   measurements_.erase(measurements_.begin(), measurements_.begin() + static_cast<std::ptrdiff_t>(gone));
 }
 

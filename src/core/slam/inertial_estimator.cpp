@@ -26,6 +26,8 @@ constexpr double kVerification = 10.0;
 constexpr int kDivergences = 2;
 // rad. What is tilted by less finds back by itself, as from a start, which may be as wrong.
 constexpr double kLargestTilt = 0.2;
+// s after the first measurement, at which a state may be given. One of later is of another time.
+constexpr double kSoon = 10.0;
 // Times what is expected of the accelerometer's bias: this is none, but what explains something else.
 constexpr double kLargestBias = 10.0;
 
@@ -54,19 +56,25 @@ std::unique_ptr<InertialAlignment> InertialEstimator::makeAlignment() const {
 
 void InertialEstimator::setRig(const StereoRig& rig) {
   rig_ = rig;
-  if (filter_) filter_->setRig(rig);
+  for (const auto& filter : {filter_.get(), resuming_.get()}) {
+    if (filter) filter->setRig(rig);
+  }
   if (alignment_) alignment_->setRig(rig);
 }
 
 void InertialEstimator::setBiasPrior(const TwistBias& bias) {
   bias_ = bias;
-  if (filter_) filter_->setBiasPrior(bias);
+  for (const auto& filter : {filter_.get(), resuming_.get()}) {
+    if (filter) filter->setBiasPrior(bias);
+  }
   if (alignment_) alignment_->setBiasPrior(bias);
 }
 
 void InertialEstimator::setGates(const Gates& gates) {
   config_.setGates(gates);
-  if (filter_) filter_->setGates(gates);
+  for (const auto& filter : {filter_.get(), resuming_.get()}) {
+    if (filter) filter->setGates(gates);
+  }
   if (alignment_) alignment_->setGates(gates);
 }
 
@@ -94,14 +102,19 @@ void InertialEstimator::tryToGoOn(Stamp now) {
 
 /// With the first measurement that is not older than a given state the filter is there.
 void InertialEstimator::tryGiven(Stamp now) {
-  if (!given_ || now < given_->stamp) return;
+  if (!given_) return;
+  const double gap = secondsBetween(given_->stamp, now);
+  if (gap < 0.0 && -gap <= kSoon) return;
   auto filter = makeFilter();
   const InitialState state = *std::exchange(given_, std::nullopt);
-  const double gap = secondsBetween(state.stamp, now);
+  if (gap < 0.0) {
+    refusal_ = "the given state is " + rounded(-gap) + " s newer than the first measurement; ";
+    return;
+  }
   filter->begin(state);
   filter->preset(alignment_->imu());
   if (!filter->canBridge(gap)) {
-    problem_ = "the given state is " + rounded(gap) + " s older than the first measurement";
+    refusal_ = "the given state is " + rounded(gap) + " s older than the first measurement; ";
     return;
   }
   if (map_) filter->relocaliseIn(map_);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "vi_ekf_slam/core/filter/validity.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
@@ -21,6 +22,7 @@ constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is track
 // map's. By looks alone one simulated lap of eight takes 490 of 600 frames with 1, and none more than 220 so.
 constexpr double kWhileLost = 1.5;
 constexpr double kSameAxes = 0.5;        // rad: nearer than any other way to mount it
+constexpr double kBridgeStep = 10.0;     // s
 constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
@@ -127,9 +129,15 @@ void InvariantEstimator::propagate(Filter& filter, Stamp from, Stamp to) const {
 
 bool InvariantEstimator::canBridge(double gap_s) const {
   Filter ahead = filter_;
-  const Stamp now = stamp_.value_or(0);
-  propagate(ahead, now, now + fromSeconds(gap_s));
-  return ahead.covariance().diagonal().segment<3>(3).maxCoeff() <= kKnownHeading * kKnownHeading;
+  Stamp now = stamp_.value_or(0);
+  // Bit by bit: over a gap of years the heading is lost soon.
+  for (const Stamp end = now + fromSeconds(gap_s); now < end;) {
+    const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
+    propagate(ahead, std::exchange(now, next), next);
+    const double heading = ahead.covariance().diagonal().segment<3>(3).maxCoeff();
+    if (!(heading <= kKnownHeading * kKnownHeading)) return false;
+  }
+  return true;
 }
 
 /// Remembers a valid estimate, and goes back to it from one that is not.

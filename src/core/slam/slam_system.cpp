@@ -14,6 +14,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the IMU, and for biases told
+constexpr double kVelocityHolds = 2.0; // s; of one that stopped coming nothing is reckoned on
 
 std::string withoutNumbers(std::string text) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || c == '.'; };
@@ -150,8 +151,10 @@ void SlamSystem::setGates(const Gates& gates) {
 }
 
 void SlamSystem::reset(const std::string& reason) {
-  // What was measured before the reset is still due to whoever listens.
-  flush();
+  // What was measured before the reset is still due to whoever listens; where it is not known yet how the
+  // body moves, nothing has come of it.
+  if (!motion_.isOpen()) flush();
+  arrivals_.close();
   arrivals_.clear();
   beginAnew(reason);
 }
@@ -162,6 +165,7 @@ void SlamSystem::beginAnew(const std::string& reason) {
   told_starts_.clear();
   checks_.restart();
   dead_reckoning_ = DeadReckoning();
+  last_velocity_.reset();
   lever_arm_.restart();
   blindness_.restart();
   ++counts_.resets;
@@ -187,6 +191,14 @@ void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string&
 
 void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source) {
   requireJointMap(source);
+  const auto has = [&map](const char* name) {
+    return std::any_of(map->variables.begin(), map->variables.end(),
+                       [name](const SavedVariable& v) { return v.name == name; });
+  };
+  const bool is_inertial = has(Inertial::kVelocity) && has(Inertial::kAccelerometerBias);
+  if (is_inertial || has(ConstantTwist::kTwist))
+    motion_.decide(is_inertial ? MotionChoice::kInertial : MotionChoice::kConstantTwist,
+                   "as the saved map that it goes on from has it");
   estimator_->resumeFrom(std::move(map), source, config_.buffer.max_gap_s);
 }
 
@@ -244,13 +256,15 @@ void SlamSystem::process(const StereoFrame& frame) {
 /// what it is a derivative of.
 void SlamSystem::updateDeadReckoning(const Measurement& measurement, const StateEstimate& state) {
   if (!dead_reckoning_.stamp()) dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
-  if (!motion_.isInertial() && counts_.processed[static_cast<std::size_t>(Stream::kVelocity)] > 0) {
+  const Stamp now = stampOf(measurement);
+  if (std::holds_alternative<VelocitySample>(measurement)) last_velocity_ = now;
+  if (!motion_.isInertial() && last_velocity_ && secondsBetween(*last_velocity_, now) < kVelocityHolds) {
     if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
     if (const auto* velocity = std::get_if<VelocitySample>(&measurement))
       return dead_reckoning_.process(*velocity);
-    return dead_reckoning_.advanceTo(stampOf(measurement));
+    return dead_reckoning_.advanceTo(now);
   }
-  dead_reckoning_.setTwist(stampOf(measurement), state.twist);
+  dead_reckoning_.setTwist(now, state.twist);
 }
 
 void SlamSystem::reportStart() {

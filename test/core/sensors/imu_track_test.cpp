@@ -62,6 +62,25 @@ TEST(ImuTrack, IsLinearBehindASampleThatCameInABurst) {
   EXPECT_LT(distance(imu.over(fromSeconds(1.0001), fromSeconds(1.01)).rate, 0.5 * noise), 1e-12);
 }
 
+// One that lacks it is not one in free fall; of an accelerometer that is silent less and less is known.
+TEST(ImuTrack, HoldsTheAccelerationThroughSamplesThatHaveNone) {
+  ImuTrack imu(kNoise, true);
+  const Eigen::Vector3d rate(0.1, 0.2, 0.3), acceleration(1.0, 2.0, 9.0);
+  imu.reach(imuSample(1.0, rate, acceleration));
+  double density = 0.0;
+  for (int i = 1; i <= 100; ++i) {
+    ImuSample silent = imuSample(1.0 + 0.01 * i, rate, acceleration);
+    silent.acceleration.reset();
+    imu.expect(silent);
+    const ImuInterval over = imu.over(fromSeconds(1.0 + 0.01 * (i - 1)), silent.stamp);
+    EXPECT_LT(distance(over.acceleration, acceleration), 1e-12);
+    EXPECT_LT(distance(over.rate, rate), 1e-12);
+    if (i == 1) density = over.acceleration_density.trace();
+    EXPECT_TRUE(i < 100 || over.acceleration_density.trace() > 1000.0 * density);
+    imu.reach(silent);
+  }
+}
+
 TEST(ImuTrack, HoldsTheLastSampleWhereNoOtherIsKnownAndTheFirstBeforeIt) {
   ImuTrack imu(kNoise, true);
   EXPECT_EQ(imu.rateAt(fromSeconds(1.0)), Eigen::Vector3d::Zero());

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "flight.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
@@ -93,6 +94,37 @@ TEST(InertialMap, IsResumedFromWithoutAStartOfItsOwn) {
             savedVariable(*map, Inertial::kGyroBias));
   for (int i = 0; i < 50; ++i) ASSERT_EQ(flown.flight.feed(second).divergence, Divergence::kNone);
   expectNear(second.state().world_T_imu, flown.truth(), 0.15, 0.03);
+}
+
+TEST(InertialMap, IsResumedFromBeforeTheCalibrationIsKnown) {
+  Flown flown(2);
+  const auto map = std::make_shared<const SavedMap>(flown.estimator.savedMap()());
+  InertialEstimator second(inertialConfig(mapFlight(), mapFlight().pixel));
+  second.resumeFrom(map, "map.bag", 5.0);
+  second.setRig(exampleRig());
+  flown.flight.skip(0.2);
+  std::size_t used = 0;
+  for (int i = 0; i < 50; ++i) used += flown.flight.feed(second).used;
+  EXPECT_EQ(second.mapUse(), MapUse::kResumed);
+  EXPECT_GT(used, 500u);
+  expectNear(second.state().world_T_imu, flown.truth(), 0.15, 0.03);
+}
+
+// Whose configuration leaves the motion open: it is that of the map.
+TEST(InertialMap, IsResumedFromByASystemThatIsToFindItsMotion) {
+  Flown flown(2);
+  const auto map = std::make_shared<const SavedMap>(flown.estimator.savedMap()());
+  Config config;
+  config.invariant = inertialConfig(mapFlight(), mapFlight().pixel);
+  config.invariant.choice = MotionChoice::kAuto;
+  SlamSystem system(config);
+  system.resumeFrom(map, "map.bag");
+  EXPECT_EQ(system.motion(), MotionChoice::kInertial);
+  system.setRig(exampleRig());
+  flown.flight.skip(0.2);
+  for (int i = 0; i < 20; ++i) system.add(flown.flight.sample());
+  system.flush();
+  EXPECT_EQ(system.estimator().mapUse(), MapUse::kResumed);
 }
 
 // Too long after it was saved it is a map to find one's place in.

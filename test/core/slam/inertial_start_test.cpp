@@ -1,6 +1,8 @@
 // How an inertial estimate starts by itself, at rest and in motion, where it refuses to, and where it stands.
 
 #include "flight.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
+#include "vi_ekf_slam/core/slam/inertial_alignment.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam::test {
@@ -331,17 +333,46 @@ TEST(InertialStart, GoesOnFromAGivenState) {
 }
 
 TEST(InertialStart, DoesNotGoOnFromAStateOfLongAgo) {
+  for (const double gap : {600.0, 1e5, 1.6e9, -100.0}) {
+    const FlightOptions options = startFlight(false);
+    Flight flight(4, options);
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+    InitialState state = rightState(flight);
+    if (gap != 600.0) state.stamp -= fromSeconds(gap);
+    EXPECT_TRUE(estimator.begin(state));
+    if (gap == 600.0) flight.skip(gap);
+    flight.feedSample(estimator, [](auto&) {});
+    EXPECT_FALSE(estimator.hasStarted());
+    flight.feed(estimator);
+    const std::string problem = rounded(std::abs(gap)) + (gap < 0.0 ? " s newer" : " s older");
+    EXPECT_NE(estimator.startProblem().find(problem + " than the first measurement"), std::string::npos)
+        << estimator.startProblem();
+    // Then it starts by itself.
+    for (int i = 0; i < 30 && !estimator.hasStarted(); ++i) flight.feed(estimator);
+    EXPECT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+  }
+}
+
+TEST(InertialStart, KeepsNoMoreThanItNeedsWhereNoImuComes) {
   const FlightOptions options = startFlight(false);
   Flight flight(4, options);
-  InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
-  EXPECT_TRUE(estimator.begin(rightState(flight)));
-  flight.skip(600.0);
-  flight.feedSample(estimator, [](auto&) {});
-  EXPECT_FALSE(estimator.hasStarted());
-  EXPECT_NE(estimator.startProblem().find("600 s older than the first measurement"), std::string::npos)
-      << estimator.startProblem();
-  // Then it starts by itself.
-  for (int i = 0; i < 30 && !estimator.hasStarted(); ++i) flight.feed(estimator);
+  InertialAlignment alignment(inertialConfig(options, options.pixel));
+  alignment.setRig(exampleRig());
+  for (int i = 0; i < 200; ++i) {
+    flight.skip(0.1);
+    flight.sample();
+    alignment.process(flight.frame());
+    EXPECT_LE(alignment.measurements().size(), 21u);
+  }
+}
+
+TEST(InertialStart, NeedsMoreTracksThanTheFilterIsToHave) {
+  const FlightOptions options = startFlight(false);
+  Flight flight(4, options);
+  InvariantConfig config = inertialConfig(options, options.pixel);
+  config.max_tracked = 5;
+  InertialEstimator estimator = inertialEstimator(config);
+  for (int i = 0; i < 50 && !estimator.hasStarted(); ++i) flight.feed(estimator);
   EXPECT_TRUE(estimator.hasStarted()) << estimator.startProblem();
 }
 

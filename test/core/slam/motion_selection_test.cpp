@@ -36,6 +36,18 @@ TEST(MotionSelection, IsAConstantTwistForASlowImuOneWithoutAccelerationsAndNone)
   EXPECT_EQ(none.text(), "constant twist, there is no IMU");
 }
 
+// A frame with a stamp that is none, and a reset while nothing has decided.
+TEST(MotionSelection, IsNotDecidedByAResetThatComesFirst) {
+  for (const bool is_stale : {true, false}) {
+    SlamSystem system{Config()};
+    system.setRig(exampleRig());
+    system.add(StereoFrame{is_stale ? 1 : fromSeconds(99.9), {}});
+    if (!is_stale) system.reset("somebody wants it");
+    for (int i = 0; i < 20; ++i) system.add(accelerated(100.0 + 0.005 * i));
+    EXPECT_EQ(system.motion(), MotionChoice::kInertial) << system.motionText();
+  }
+}
+
 TEST(MotionSelection, TellsOfItsDecisionOnceAndKeepsToIt) {
   MotionSelection selection{Config()};
   int told = 0;

@@ -281,6 +281,27 @@ TEST(SlamSystem, WorksWithoutListeners) {
   EXPECT_EQ(total(system.counts().processed), 161U);
 }
 
+TEST(SlamSystem, ReckonsOnWithNoVelocityThatHasStoppedComing) {
+  Config config;
+  config.estimator = EstimatorType::kInvariant;
+  SlamSystem system(config);
+  system.setRig(exampleRig());
+  Output last;
+  system.onImu([&](const Output& output) { last = output; });
+  Street street(1, 40);
+  for (int i = 0; i < 6000; ++i) {
+    const double t = 100.0 + 0.01 * i;
+    ImuSample still = gyro(t);
+    still.angular_velocity.setZero();
+    if (i < 2) system.add(velocity(t)); // at rest all the same
+    system.add(still);
+    if (i % 10 == 0) system.add(street.frame(fromSeconds(t), SE3(), 0.1));
+  }
+  system.flush();
+  EXPECT_LT(last.odom_T_imu.translation().norm(), 6.0); // 120 m with the velocity of the first moment
+  EXPECT_LT(last.state.world_T_imu.translation().norm(), 3.0);
+}
+
 TEST(SlamSystem, TellsOfAFrameWithTheStampThatItCameWith) {
   Config config;
   config.estimator = EstimatorType::kInvariant;

@@ -76,7 +76,7 @@ class ConstantTwist : public MotionModel {
   Options options_;
   Vector6d prior_bias_ = Vector6d::Zero();
   Handle twist_ = 0, bias_ = 0;
-  bool is_optical_ = false;
+  bool is_optical_ = false, is_bias_told_ = false;
 };
 
 } // namespace vi_ekf_slam

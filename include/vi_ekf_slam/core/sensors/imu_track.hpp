@@ -30,9 +30,9 @@ class ImuTrack {
   ImuTrack(const ImuNoise& noise, bool noise_given) : noise_(noise), noise_given_(noise_given) {}
 
   /// The next sample is known before the estimate gets there.
-  void expect(const ImuSample& next) { next_ = next; }
+  void expect(const ImuSample& next);
   /// The estimate has got to it.
-  void reach(const ImuSample& sample);
+  void reach(const ImuSample& measured);
   /// Over [from, to], which no sample but the last one and the next divides.
   ImuInterval over(Stamp from, Stamp to) const;
   /// The rate at a stamp, with the gyro's bias, rad/s; zero before the first sample.
@@ -47,6 +47,7 @@ class ImuTrack {
   struct Reading {
     Eigen::Vector3d rate = Eigen::Vector3d::Zero(), acceleration = Eigen::Vector3d::Zero();
   };
+  ImuSample completed(ImuSample sample) const;
   Reading at(Stamp stamp) const;
   Reading bend(Stamp from, Stamp to) const;
   void noteDifferences(const ImuSample& sample);
@@ -54,6 +55,7 @@ class ImuTrack {
   ImuNoise noise_;
   bool noise_given_;
   std::optional<ImuSample> before_, last_, next_;
+  std::optional<Stamp> accelerated_; ///< of the last sample that had an acceleration
   double period_ = 0.0;
   std::deque<Reading> recent_; ///< the last samples, regularly spaced
   Reading shaking_;            ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second

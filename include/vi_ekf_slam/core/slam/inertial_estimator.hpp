@@ -22,7 +22,7 @@ class InertialEstimator : public Estimator {
   bool begin(const InitialState& state) override;
   std::optional<SE3> startPose() const override { return std::nullopt; }
   bool hasStarted() const override { return filter_ != nullptr; }
-  std::string startProblem() const override { return filter_ ? std::string() : problem_; }
+  std::string startProblem() const override { return filter_ ? std::string() : refusal_ + problem_; }
   std::string contradiction() const override { return contradiction_; }
   void expect(const ImuSample& next) override;
   void process(const ImuSample& sample) override;
@@ -70,6 +70,7 @@ class InertialEstimator : public Estimator {
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
   std::optional<InitialState> given_;
+  std::string refusal_; ///< of the given state
   std::string problem_, contradiction_;
 };
 

@@ -169,6 +169,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> estimator_;
   Given given_;
   DeadReckoning dead_reckoning_;
+  std::optional<Stamp> last_velocity_; ///< since the start
   LeverArm lever_arm_;
   SensorChecks checks_;
   std::set<std::string> told_starts_; ///< without their numbers
