@@ -16,6 +16,8 @@ def open_bag(path):
     try:
         with rosbag.Bag(path) as bag:
             yield bag
+    except InputError:
+        raise
     except Exception as reason:  # on damaged bags rosbag raises whatever comes up: KeyError, struct.error, ...
         raise InputError("%s: cannot be read as a bag: %s" % (path, str(reason) or type(reason).__name__))
 

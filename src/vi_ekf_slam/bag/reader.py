@@ -5,7 +5,8 @@ import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
-from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
+from vi_ekf_slam.bag.transforms import chain
+from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
 
 FEATURES, INFO = "/features", "/left/camera_info"
 
@@ -23,7 +24,7 @@ def read_reference(path):
     """Read a bag as dataset_to_bag.py writes them.
 
     The camera's frame is the one that /features names, or else /left/camera_info, and the IMU's the one that /imu names; the extrinsic is the
-    transform between the two on /tf_static, in either direction.
+    transform between the two on /tf_static, directly or as a chain.
     """
     stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
     with open_bag(path) as bag:
@@ -41,7 +42,7 @@ def read_reference(path):
             if topic in stamps:
                 stamps[topic].append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
     camera = FEATURES if stamps[FEATURES] else INFO
-    return Reference(np.array(stamps[camera]), _find_extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
+    return Reference(np.array(stamps[camera]), _extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
 
 
 def _read_path(message):
@@ -51,18 +52,14 @@ def _read_path(message):
     return np.array([p.header.stamp.to_sec() for p in message.poses]), np.array(poses)
 
 
-def _find_extrinsic(transforms, camera, imu):
-    for t in transforms:
-        parent_T_child = _matrix(t.transform.translation, t.transform.rotation)
-        if (t.header.frame_id, t.child_frame_id) == (imu, camera):
-            return inverse(parent_T_child)
-        if (t.header.frame_id, t.child_frame_id) == (camera, imu):
-            return parent_T_child
-    return None
+def _extrinsic(transforms, camera, imu):
+    return None if camera is None or imu is None else chain(transforms, camera, imu)
 
 
 def _matrix(position, quaternion):
     q = [quaternion.x, quaternion.y, quaternion.z, quaternion.w]
     if not abs(np.linalg.norm(q) - 1.0) < 1e-3:
         raise ValueError("a pose has the quaternion %s, allowed: norm 1" % q)
+    if not np.isfinite([position.x, position.y, position.z]).all():
+        raise ValueError("a pose has a position that is not finite")
     return make_transform(quaternion_to_rotation(q), [position.x, position.y, position.z])

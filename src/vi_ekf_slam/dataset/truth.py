@@ -8,7 +8,7 @@ from vi_ekf_slam.dataset.pose_files import read_pose_file
 
 BODIES = ("imu", "left_camera")
 STAMP_TOLERANCE = 1e-4  # s; text files may round stamps, frames are at least milliseconds apart
-MAX_GAP = 1.0  # s between two truth poses; across longer gaps nothing is interpolated
+MAX_GAP = 1.5  # s between two truth poses, which may come once a second; across longer gaps nothing is interpolated
 
 
 def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):

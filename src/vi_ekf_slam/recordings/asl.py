@@ -38,10 +38,10 @@ def load_asl(folder, options):
     chain = options.calibration or _find(folder, base, "*camchain*.yaml")
     imu_yaml = os.path.join(base, "imu0", "sensor.yaml")
     imu_values = read_mapping(imu_yaml) if os.path.exists(imu_yaml) else {}
+    body_T_imu = sensor_pose(imu_values, imu_yaml) if "T_BS" in imu_values or not chain else np.eye(4)
     if chain:
         left, right = camchain(chain)
     else:
-        body_T_imu = sensor_pose(imu_values, imu_yaml)
         left, right = (sensor_camera(os.path.join(base, name, "sensor.yaml"), body_T_imu) for name in ("cam0", "cam1"))
     left_info, right_info = rectify(left, right, chain or base)
     stamps, twist = read_table(os.path.join(base, "imu0", "data.csv"), 6)
@@ -54,7 +54,7 @@ def load_asl(folder, options):
     if noise is None:
         recording.notes.append("noise of the IMU: not stated")
     recording.imu = recording.imu._replace(noise=noise)
-    recording.truth, source = _truth(folder, base, recording, options)
+    recording.truth, source = _truth(folder, base, recording, body_T_imu, options)
     recording.notes.append("truth from: %s" % source)
     return recording
 
@@ -109,7 +109,7 @@ def _camera_images(camera, faults):
     return listed
 
 
-def _truth(folder, base, recording, options):
+def _truth(folder, base, recording, body_T_imu, options):
     """(truth of a Recording or None, where it is from)."""
     frames, found = recording.frame_stamps, None
     if options.truth:
@@ -121,7 +121,8 @@ def _truth(folder, base, recording, options):
         if source is None:
             return None, "none"
         if source.endswith(".csv"):
-            found = truth_poses.asl_truth(source)
+            stamps, world_T_body = truth_poses.asl_truth(source)
+            found = stamps, world_T_body @ body_T_imu
         else:
             found = truth_poses.file_truth(source, "imu", frames, recording.imu_T_left, np.eye(3))
     truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]))

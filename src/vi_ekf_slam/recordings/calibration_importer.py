@@ -13,6 +13,11 @@ from vi_ekf_slam.recordings.imu_noise import UNITS, kalibr_yaml
 from vi_ekf_slam.recordings.rig_calibration import read_calibration
 
 
+def absolute_topic(name):
+    """As a bag has it."""
+    return "/" + name.lstrip("/")
+
+
 def make_parser():
     """The argument parser."""
     parser = argparse.ArgumentParser(
@@ -28,14 +33,14 @@ def make_parser():
                         help="where the left camera is on the IMU, goes before what FILE says: imu_T_left, T_BS or T_cam_imu")
     parser.add_argument("--output", metavar="OUT", help="OUT.launch, or with --bag OUT.bag, to write; noise goes to OUT.imu.yaml")
     parser.add_argument("--bag", metavar="IN.bag", help="the bag into whose copy the calibration goes")
-    parser.add_argument("--imu-topic", metavar="TOPIC", default="/imu",
+    parser.add_argument("--imu-topic", metavar="TOPIC", type=absolute_topic, default="/imu",
                         help="of --bag, for the frame of the IMU (default: %(default)s)")
     parser.add_argument("--imu-frame", metavar="FRAME", help="header.frame_id of the IMU's messages (default: imu_link, or "
                         "that of --bag)")
     parser.add_argument("--left-frame", metavar="FRAME", default="left_camera_optical", help="(default: %(default)s)")
     parser.add_argument("--right-frame", metavar="FRAME", default="right_camera_optical", help="(default: %(default)s)")
-    parser.add_argument("--left-info", metavar="TOPIC", default="/left/camera_info", help="in the bag (default: %(default)s)")
-    parser.add_argument("--right-info", metavar="TOPIC", default="/right/camera_info", help="in the bag (default: %(default)s)")
+    parser.add_argument("--left-info", metavar="TOPIC", type=absolute_topic, default="/left/camera_info", help="in the bag (default: %(default)s)")
+    parser.add_argument("--right-info", metavar="TOPIC", type=absolute_topic, default="/right/camera_info", help="in the bag (default: %(default)s)")
     return parser
 
 
@@ -77,6 +82,9 @@ def import_calibration(options):
     for frame in frames:
         if not frame or frame.startswith("/") or not frame.isprintable() or any(c in frame for c in " \"'<>&"):
             raise InputError("a frame is '%s', allowed: a name without spaces and quotes and without a leading slash" % frame)
+    if noise_file:
+        for source in [options.imu, options.imu_T_left] + options.files:
+            check_output(noise_file, source)
     if options.bag is None:
         text = launch_text(rig, frames, noise_file and os.path.basename(noise_file))
         write_text(options.output, text)

@@ -6,8 +6,8 @@ import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
+from vi_ekf_slam.bag.transforms import chain
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 from vi_ekf_slam.rig_check import topics as names
 
 Stream = namedtuple("Stream", "topic stamps received frame_id")
@@ -131,24 +131,4 @@ class Rig:
         """4 x 4, from the IMU's axes to the left camera's as it is mounted; None where no chain of transforms leads there."""
         if "imu" not in self.streams or "left" not in self.infos:
             return None
-        return self._chain(self.infos["left"].header.frame_id.lstrip("/"), self.streams["imu"].frame_id)
-
-    def _chain(self, target, source):
-        edges = {}
-        for t in self.transforms:
-            q, p = t.transform.rotation, t.transform.translation
-            quaternion = [q.x, q.y, q.z, q.w]
-            if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3:
-                continue
-            parent_T_child = make_transform(quaternion_to_rotation(quaternion), [p.x, p.y, p.z])
-            parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
-            edges.setdefault(child, []).append((parent, parent_T_child))
-            edges.setdefault(parent, []).append((child, inverse(parent_T_child)))
-        found, queue = {source: np.eye(4)}, [source]
-        while queue:
-            here = queue.pop(0)
-            for there, there_T_here in edges.get(here, ()):
-                if there not in found:
-                    found[there] = there_T_here @ found[here]
-                    queue.append(there)
-        return found.get(target)
+        return chain(self.transforms, self.infos["left"].header.frame_id, self.streams["imu"].frame_id)

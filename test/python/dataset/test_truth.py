@@ -100,6 +100,13 @@ def test_tum_poses_outside_the_drive_are_left_out(write):
         load_truth(path, STAMPS + 50.0, None)
 
 
+def test_truth_of_once_a_second_whose_stamps_jitter_is_interpolated():
+    stamps = np.array([0.0, 1.005, 1.998])
+    poses = np.array([make_transform(np.eye(3), [t, 0, 0]) for t in stamps])
+    valid, sampled = sample_poses(stamps, poses, np.array([0.5, 1.5]))
+    assert valid.all() and np.allclose(sampled[:, 0, 3], [0.5, 1.5])
+
+
 def test_sampling_interpolates_and_never_extrapolates_or_bridges_gaps():
     stamps = np.array([0.0, 1.0, 5.0])
     poses = np.array([make_transform(np.eye(3), [10.0 * t, 0, 0]) for t in stamps])

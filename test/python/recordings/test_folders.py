@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rosbag
 from conftest import data_file
-from folders import (ASL_STAMPS, PROJECTIONS, START, asl_folder, kitti_odometry_folder, kitti_raw_folder, options, picture)
+from folders import (ASL_STAMPS, IMU, PROJECTIONS, START, asl_folder, kitti_odometry_folder, kitti_raw_folder, options, picture)
 
 from vi_ekf_slam.bag.converter import main
 from vi_ekf_slam.bag.reader import read_reference
@@ -114,6 +114,20 @@ def test_a_camchain_says_the_same_as_the_sensors(drive, tmp_path):
     assert np.allclose(found.imu_T_left, expected.imu_T_left) and np.allclose(found.left_T_right, expected.left_T_right)
     assert np.allclose(found.right.projection, expected.right.projection)
     assert np.allclose(found.left.rectification, expected.left.rectification)
+
+
+def test_truth_of_the_body_is_moved_to_an_imu_that_is_elsewhere_on_it(tmp_path):
+    folder = asl_folder(tmp_path / "drive")
+    turned = IMU.replace("data: [1, 0, 0, 0, 0, 1, 0, 0,", "data: [0, -1, 0, 1.0, 1, 0, 0, 2.0,")
+    assert turned != IMU
+    (folder / "mav0" / "imu0" / "sensor.yaml").write_text(turned)
+    table = folder / "mav0" / "state_groundtruth_estimate0"
+    table.mkdir()
+    (table / "data.csv").write_text("#\n" + "".join("%d,%g,0,0,1,0,0,0\n" % (START + 50000000 * k, k) for k in range(4)))
+    stamps, poses = load_asl(str(folder), options()).truth
+    assert len(stamps) == 4
+    assert np.allclose(poses[0][:3, 3], 0.0) and np.allclose(poses[0][:3, :3], np.eye(3))
+    assert np.allclose(poses[3][:3, 3], [0.0, -3.0, 0.0])  # along the body's x, which is the IMU's -y
 
 
 @pytest.mark.parametrize("name", ["state_groundtruth_estimate0", "mocap0"])

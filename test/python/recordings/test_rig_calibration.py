@@ -13,7 +13,7 @@ from folders import IMU, asl_folder, kitti_raw_folder
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
-from vi_ekf_slam.recordings.calibration_importer import main
+from vi_ekf_slam.recordings.calibration_importer import main, make_parser
 from vi_ekf_slam.recordings.rig_calibration import read_calibration
 from vi_ekf_slam.ros.private_ros import child, ros_master
 
@@ -193,6 +193,19 @@ def test_the_launch_file_publishes_it(rig):
     assert [t[:2] for t in heard["tf"]] == [["imu4", "left_camera_optical"], ["left_camera_optical", "right_camera_optical"]]
     assert heard["tf"][0][2] == pytest.approx(0.1)
     assert heard["slam"] == {"calibration": {"time_offset": -0.004}, "inertial": {"imu_calibration": str(folder / "rig.imu.yaml")}}
+
+
+def test_the_users_own_noise_file_is_not_replaced(tmp_path, capsys):
+    noise = tmp_path / "rig.imu.yaml"
+    noise.write_text("# mine\n" + IMU)
+    assert main([str(write_camchain(tmp_path)), "--imu", str(noise), "--output", str(tmp_path / "rig.launch")]) == 2
+    assert "is the input itself" in capsys.readouterr().err
+    assert noise.read_text() == "# mine\n" + IMU and not (tmp_path / "rig.launch").exists()
+
+
+def test_topics_without_a_leading_slash_are_those_with_one():
+    options = make_parser().parse_args(["file", "--left-info", "a/camera_info", "--right-info", "/b/camera_info", "--imu-topic", "imu"])
+    assert (options.left_info, options.right_info, options.imu_topic) == ("/a/camera_info", "/b/camera_info", "/imu")
 
 
 @pytest.mark.parametrize("name", ["rig", "realsense_d435i", "zed2"])
