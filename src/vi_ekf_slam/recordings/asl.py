@@ -13,7 +13,7 @@ import numpy as np
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.recordings import truth_poses
-from vi_ekf_slam.recordings.calibration_files import camchain, read_mapping, sensor_camera, sensor_pose
+from vi_ekf_slam.recordings.calibration_files import camchain, read_mapping, sensor_camera, sensor_pose, timeshift
 from vi_ekf_slam.recordings.csv_table import read_rows, read_stamp, read_table
 from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
@@ -35,7 +35,7 @@ def load_asl(folder, options):
     for name in ("cam0", "cam1", "imu0"):
         if not os.path.isdir(os.path.join(base, name)):
             raise InputError("%s: has no folder %s, allowed: cam0, cam1 and imu0" % (base, name))
-    chain = options.calibration or _find(folder, base, "*camchain*.yaml")
+    chain = options.calibration or find(folder, base, "*camchain*.yaml")
     imu_yaml = os.path.join(base, "imu0", "sensor.yaml")
     imu_values = read_mapping(imu_yaml) if os.path.exists(imu_yaml) else {}
     body_T_imu = sensor_pose(imu_values, imu_yaml) if "T_BS" in imu_values or not chain else np.eye(4)
@@ -50,7 +50,10 @@ def load_asl(folder, options):
         os.path.basename(os.path.abspath(folder)), imu=Imu(stamps, twist[:, :3], twist[:, 3:], None), images=images,
         left=left_info, right=right_info, imu_T_left=left.imu_T_cam, left_T_right=inverse(left.imu_T_cam) @ right.imu_T_cam,
         notes=["calibration: %s" % (chain or "sensor.yaml")] + faults.notes())
-    noise = _noise(folder, base, imu_values, imu_yaml)
+    shift = timeshift(chain) if chain else None
+    if shift:
+        recording.notes.append("clock: give calibration/time_offset: %.9f in the configuration; a bag has no place for it" % shift)
+    noise = noise_of(folder, base)
     if noise is None:
         recording.notes.append("noise of the IMU: not stated")
     recording.imu = recording.imu._replace(noise=noise)
@@ -59,7 +62,8 @@ def load_asl(folder, options):
     return recording
 
 
-def _find(folder, base, pattern):
+def find(folder, base, pattern):
+    """The first file of that name where such folders have it, or None."""
     for place in (folder, base, os.path.join(folder, "dso")):
         found = sorted(glob.glob(os.path.join(glob.escape(place), pattern)))
         if found:
@@ -67,11 +71,14 @@ def _find(folder, base, pattern):
     return None
 
 
-def _noise(folder, base, imu_values, imu_yaml):
+def noise_of(folder, base):
+    """ImuNoise that the folder states, or None."""
+    imu_yaml = os.path.join(base, "imu0", "sensor.yaml")
+    imu_values = read_mapping(imu_yaml) if os.path.exists(imu_yaml) else {}
     if KEYS[0] in imu_values:
         return noise_from_yaml(imu_values, "rate_hz", imu_yaml)
     for name in ("imu.yaml", "imu_config.yaml"):
-        path = _find(folder, base, name)
+        path = find(folder, base, name)
         if path:
             values = read_mapping(path)
             return noise_from_yaml(values.get("imu0", values), "update_rate", path)
@@ -126,4 +133,5 @@ def _truth(folder, base, recording, body_T_imu, options):
         else:
             found = truth_poses.file_truth(source, "imu", frames, recording.imu_T_left, np.eye(3))
     truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]))
+    truth_poses.require_meeting(truth, options.truth)
     return (truth, source) if truth is not None else (None, "none (%s is of another time)" % source)

@@ -8,6 +8,7 @@ from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.common.yaml_file import read_yaml
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings.rectification import MODELS, RawCamera
+MAX_TIME_OFFSET = 1.0  # s
 
 
 def read_mapping(path):
@@ -49,10 +50,22 @@ def camchain(path):
     return tuple(cameras)
 
 
+def timeshift(path):
+    """s that Kalibr's camchain has to be added to a picture's stamp for the IMU's clock; None where it says nothing."""
+    shift = read_mapping(path)["cam0"].get("timeshift_cam_imu")
+    if shift is None:
+        return None
+    shift = float(numbers(shift, (), path + ": cam0: timeshift_cam_imu"))
+    if abs(shift) > MAX_TIME_OFFSET:
+        raise InputError("%s: cam0: timeshift_cam_imu is %g s, allowed: -%g to %g"
+                         % (path, shift, MAX_TIME_OFFSET, MAX_TIME_OFFSET))
+    return shift
+
+
 def _camera(values, path, distortion_key, imu_T_cam):
     if values.get("camera_model", "pinhole") != "pinhole":
         raise InputError("%s: camera_model is '%s', allowed: pinhole" % (path, values["camera_model"]))
-    model = values.get("distortion_model", "none")
+    model = str(values.get("distortion_model", "none"))
     if model not in MODELS:
         raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(MODELS))))
     fu, fv, cu, cv = numbers(values.get("intrinsics"), (4,), path + ": intrinsics")

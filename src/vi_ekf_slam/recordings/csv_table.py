@@ -22,7 +22,10 @@ def read_rows(path):
 def read_stamp(path, number, word):
     """Integer ns."""
     try:
-        return int(word)
+        stamp = int(word)
+        if not 0 <= stamp < 2**63:
+            raise ValueError
+        return stamp
     except ValueError:
         raise InputError("%s: line %d begins with '%s', allowed: a stamp in ns" % (path, number, word))
 

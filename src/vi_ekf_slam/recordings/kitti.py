@@ -48,6 +48,7 @@ def load_kitti_raw(folder, options):
         found = stamps, oxts_poses(oxts)
         recording.notes.append("truth from: oxts (GPS and INS, by the Mercator projection)")
     recording.truth = truth_poses.within(*found, recording.start, max(frames[-1], stamps[-1]))
+    truth_poses.require_meeting(recording.truth, options.truth)
     return recording
 
 
@@ -89,6 +90,7 @@ def load_kitti_odometry(folder, options):
     if path:
         found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, np.eye(3))
         recording.truth = truth_poses.within(*found, recording.start, int(images.stamps[-1]))
+        truth_poses.require_meeting(recording.truth, options.truth)
         recording.notes.append("truth from: %s, upwards where the first picture has it" % path)
     return recording
 

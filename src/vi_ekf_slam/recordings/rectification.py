@@ -14,6 +14,7 @@ RawCamera.__doc__ = """size (width, height); intrinsics (3, 3) px; model: of MOD
 # Names in calibration files -> sensor_msgs/CameraInfo's distortion_model.
 MODELS = {"radtan": "plumb_bob", "radial-tangential": "plumb_bob", "plumb_bob": "plumb_bob",
           "equidistant": "equidistant", "fisheye": "equidistant", "kannala_brandt": "equidistant", "none": "plumb_bob"}
+MIN_BASELINE = 1e-6  # m
 
 
 def rectify(left, right, source):
@@ -23,6 +24,8 @@ def rectify(left, right, source):
         raise InputError("%s: the cameras differ in model or size (%s, %s and %s, %s), allowed: two of a kind"
                          % (source, left.model, left.size, right.model, right.size))
     right_T_left = inverse(right.imu_T_cam) @ left.imu_T_cam
+    if np.linalg.norm(right_T_left[:3, 3]) < MIN_BASELINE:
+        raise InputError("%s: both cameras are in one place, allowed: the second one to the right of the first" % source)
     arguments = (left.intrinsics, left.distortion, right.intrinsics, right.distortion, tuple(left.size),
                  right_T_left[:3, :3], right_T_left[:3, 3])
     if left.model == "equidistant":

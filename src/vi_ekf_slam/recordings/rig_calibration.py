@@ -10,15 +10,15 @@ from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.dataset.extrinsic import check_transform
+from vi_ekf_slam.recordings import asl
 from vi_ekf_slam.recordings.asl import base_of
 from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, read_mapping, sensor_camera, sensor_pose,
-                                                      transform)
+                                                      timeshift, transform)
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera
 from vi_ekf_slam.recordings.rectification import rectify
 
-MAX_TIME_OFFSET = 1.0  # s
 # sensor_msgs/CameraInfo's distortion models and how many coefficients each has.
 ROS_MODELS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,), "fisheye": (4,)}
 
@@ -55,13 +55,15 @@ def read_calibration(paths, imu=None, imu_T_left=None):
 def read_noise(path):
     """ImuNoise of Kalibr's imu.yaml or of a sensor.yaml."""
     values = read_mapping(path)
-    values = values.get("imu0", values)
+    values = values.get("imu0", values) or {}
     return noise_from_yaml(values, "rate_hz" if "rate_hz" in values else "update_rate", path)
 
 
 def _folder(folder):
-    if base_of(folder):
-        return _asl(base_of(folder))
+    base = base_of(folder)
+    if base:
+        chain = asl.find(folder, base, "*camchain*.yaml")  # as the converter looks for it
+        return _kalibr(chain)._replace(noise=asl.noise_of(folder, base)) if chain else _asl(base)
     for place in (folder, os.path.dirname(os.path.abspath(folder))):
         if os.path.exists(os.path.join(place, "calib_cam_to_cam.txt")):
             left, right, rectleft_T_imu, baseline = calibrated_pair(
@@ -76,14 +78,7 @@ def _folder(folder):
 
 
 def _kalibr(path):
-    raw = camchain(path)
-    shift = read_mapping(path)["cam0"].get("timeshift_cam_imu")
-    if shift is not None:
-        shift = float(numbers(shift, (), path + ": cam0: timeshift_cam_imu"))
-        if abs(shift) > MAX_TIME_OFFSET:
-            raise InputError("%s: cam0: timeshift_cam_imu is %g s, allowed: -%g to %g"
-                             % (path, shift, MAX_TIME_OFFSET, MAX_TIME_OFFSET))
-    return _raw("Kalibr's camchain", raw, path, None, shift)
+    return _raw("Kalibr's camchain", camchain(path), path, None, timeshift(path))
 
 
 def _asl(base):

@@ -51,3 +51,9 @@ def file_truth(path, body, frame_stamps, imu_T_cam, upright):
     if is_kitti:
         poses = make_transform(upright, np.zeros(3)) @ inverse(poses[0]) @ poses
     return stamps, poses
+
+
+def require_meeting(truth, path):
+    """InputError where a file was given of which nothing is of the drive's time."""
+    if path and truth is None:
+        raise InputError("%s: none of its stamps is within the drive's time" % path)

@@ -66,10 +66,8 @@ def make_report(path, name, options):
 def _noise(path):
     if path is None:
         return None, ""
-    from vi_ekf_slam.recordings.calibration_files import read_mapping
-    from vi_ekf_slam.recordings.imu_noise import noise_from_yaml
-    values = read_mapping(path)
-    return noise_from_yaml(values, "update_rate" if "update_rate" in values else "rate_hz", path), os.path.basename(path)
+    from vi_ekf_slam.recordings.rig_calibration import read_noise
+    return read_noise(path), os.path.basename(path)
 
 
 def make_parser():

@@ -130,6 +130,22 @@ def test_truth_of_the_body_is_moved_to_an_imu_that_is_elsewhere_on_it(tmp_path):
     assert np.allclose(poses[3][:3, 3], [0.0, -3.0, 0.0])  # along the body's x, which is the IMU's -y
 
 
+@pytest.mark.parametrize("kind", ["asl", "kitti odometry"])
+def test_a_truth_file_of_another_time_is_refused(kind, drive, tmp_path):
+    (tmp_path / "other.tum").write_text("".join("%d 0 0 0 0 0 0 1\n" % t for t in (5000, 5001)))
+    folder = drive(kind)
+    assert main([str(folder), str(tmp_path / "x.bag"), "--quiet", "--truth", str(tmp_path / "other.tum")]) == 2
+    assert not (tmp_path / "x.bag").exists()
+
+
+def test_a_stamp_that_no_clock_has_is_refused(drive, tmp_path, capsys):
+    folder = drive("asl")
+    path = folder / "mav0" / "imu0" / "data.csv"
+    path.write_text(path.read_text() + "9223372036854775808,0,0,0,0,0,9.8\n")
+    assert main([str(folder), str(tmp_path / "x.bag"), "--quiet"]) == 2
+    assert "allowed: a stamp in ns" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["state_groundtruth_estimate0", "mocap0"])
 def test_truth_begins_with_heading_and_position_zero_and_its_tilt(drive, name):
     folder, tilt = drive("asl"), so3_exp([0.1, 0, 0])

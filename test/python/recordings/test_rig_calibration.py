@@ -11,10 +11,11 @@ import yaml
 from conftest import HANG_S, script
 from folders import IMU, asl_folder, kitti_raw_folder
 
+from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.recordings.calibration_importer import main, make_parser
-from vi_ekf_slam.recordings.rig_calibration import read_calibration
+from vi_ekf_slam.recordings.rig_calibration import read_calibration, read_noise
 from vi_ekf_slam.ros.private_ros import child, ros_master
 
 KALIBR_IMU = IMU.split("\n", 1)[1].replace("rate_hz", "update_rate")
@@ -193,6 +194,26 @@ def test_the_launch_file_publishes_it(rig):
     assert [t[:2] for t in heard["tf"]] == [["imu4", "left_camera_optical"], ["left_camera_optical", "right_camera_optical"]]
     assert heard["tf"][0][2] == pytest.approx(0.1)
     assert heard["slam"] == {"calibration": {"time_offset": -0.004}, "inertial": {"imu_calibration": str(folder / "rig.imu.yaml")}}
+
+
+def test_converter_and_importer_take_the_same_calibration_of_a_folder(tmp_path, capsys):
+    folder = asl_folder(tmp_path / "drive")
+    (folder / "dso").mkdir()
+    chain = write_camchain(folder / "dso", timeshift_cam_imu=0.05)
+    rig = read_calibration([str(folder)])
+    assert rig.time_offset == 0.05 and rig.noise == read_noise(str(folder / "mav0" / "imu0" / "sensor.yaml"))
+    assert np.allclose(rig.imu_T_left, read_calibration([str(chain)]).imu_T_left)
+    assert convert([str(folder), str(tmp_path / "drive.bag")]) == 0
+    assert "calibration/time_offset: 0.050000000" in capsys.readouterr().out
+
+
+def test_cameras_in_one_place_are_refused(tmp_path):
+    path = write_camchain(tmp_path)
+    values = yaml.safe_load(path.read_text())
+    values["cam1"]["T_cn_cnm1"] = np.eye(4).tolist()
+    path.write_text(yaml.safe_dump(values))
+    with pytest.raises(InputError, match="both cameras are in one place"):
+        read_calibration([str(path)])
 
 
 def test_the_users_own_noise_file_is_not_replaced(tmp_path, capsys):
