@@ -20,15 +20,21 @@ MotionSelection::MotionSelection(const Config& config) : choice_(config.invarian
 }
 
 void MotionSelection::note(const ImuSample& sample) {
-  if (!isOpen()) return;
-  if (!sample.acceleration)
+  if (!isOpen() && !lacks_imu_) return;
+  if (!sample.acceleration) {
+    lacks_imu_ = false;
     return decide(MotionChoice::kConstantTwist,
                   "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
-  if (const std::optional<bool> is_fast = imu_rate_.suffices(sample.stamp))
-    *is_fast ? decide(MotionChoice::kInertial, "the IMU's messages carry accelerations") : close();
+  }
+  const std::optional<bool> is_fast = imu_rate_.suffices(sample.stamp);
+  if (!is_fast) return;
+  lacks_imu_ = false;
+  *is_fast ? become(MotionChoice::kInertial, "the IMU's messages carry accelerations") : close();
 }
 
 void MotionSelection::close() {
+  if (!isOpen()) return;
+  lacks_imu_ = !imu_rate_.hasSamples();
   decide(MotionChoice::kConstantTwist,
          imu_rate_.hasSamples() ? "the IMU's messages come at less than 50 Hz, too seldom for their "
                                   "accelerations to be integrated (motion: inertial does it none the less)"
@@ -36,7 +42,10 @@ void MotionSelection::close() {
 }
 
 void MotionSelection::decide(MotionChoice choice, const std::string& reason) {
-  if (!isOpen()) return;
+  if (isOpen()) become(choice, reason);
+}
+
+void MotionSelection::become(MotionChoice choice, const std::string& reason) {
   choice_ = choice;
   text_ = textOf(choice, reason);
   if (on_decision_) on_decision_();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,6 +16,10 @@ namespace {
 
 constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the IMU, and for biases told
 constexpr double kVelocityHolds = 2.0; // s; of one that stopped coming nothing is reckoned on
+
+std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
+  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+}
 
 std::string withoutNumbers(std::string text) {
   const auto is_digit = [](char c) { return (c >= '0' && c <= '9') || c == '.'; };
@@ -52,10 +57,13 @@ std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
   return estimator;
 }
 
-/// Nothing has been processed yet.
+/// Nothing has been processed yet, unless the IMU is late.
 void SlamSystem::adoptMotion() {
   checks_.setInertial(motion_.isInertial());
-  if (motion_.isInertial()) estimator_ = makeEstimator();
+  if (total(counts_.processed) > 0)
+    reset("an IMU with accelerations has come");
+  else if (motion_.isInertial())
+    estimator_ = makeEstimator();
   if (handlers_.start) handlers_.start("motion: " + motion_.text());
 }
 

@@ -48,6 +48,27 @@ TEST(MotionSelection, IsNotDecidedByAResetThatComesFirst) {
   }
 }
 
+// Whose driver starts some seconds after that of the cameras.
+TEST(MotionSelection, IsInertialOnceAnImuComesThatWasLate) {
+  SlamSystem system{Config()};
+  std::vector<std::string> resets;
+  system.onReset([&](const std::string& reason, const PathEstimate&) { resets.push_back(reason); });
+  system.setRig(exampleRig());
+  Street street(1, 40);
+  for (int i = 0; i < 60; ++i) {
+    const double t = 100.0 + 0.1 * i;
+    if (i == 40) {
+      EXPECT_EQ(system.motionText(), "constant twist, there is no IMU");
+    }
+    for (int k = 0; i > 40 && k < 20; ++k) system.add(accelerated(t + 0.005 * (k - 19)));
+    system.add(street.frame(fromSeconds(t), SE3(), 0.1));
+  }
+  EXPECT_EQ(system.motion(), MotionChoice::kInertial);
+  EXPECT_EQ(resets, std::vector<std::string>{"an IMU with accelerations has come"});
+  system.flush();
+  EXPECT_TRUE(system.estimator().hasStarted()) << system.estimator().startProblem();
+}
+
 TEST(MotionSelection, TellsOfItsDecisionOnceAndKeepsToIt) {
   MotionSelection selection{Config()};
   int told = 0;

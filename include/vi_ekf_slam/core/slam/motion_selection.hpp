@@ -27,14 +27,18 @@ class MotionSelection {
   void onDecision(std::function<void()> handler) { on_decision_ = std::move(handler); }
 
   // Nothing, once it is decided:
-  /// The next sample of the IMU as it comes, of which one or a few decide.
+  /// The next sample of the IMU as it comes, of which one or a few decide; also where it was decided that
+  /// there is none, since a driver may start late.
   void note(const ImuSample& sample);
   /// Nothing more is waited for.
   void close();
   void decide(MotionChoice choice, const std::string& reason);
 
  private:
+  void become(MotionChoice choice, const std::string& reason);
+
   MotionChoice choice_;
+  bool lacks_imu_ = false; ///< which is why it is a constant twist
   std::string text_;
   ImuRate imu_rate_; ///< of the first samples
   std::function<void()> on_decision_;
