@@ -7,7 +7,7 @@ import os
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
-from vi_ekf_slam.dataset.truth import BODIES
+from vi_ekf_slam.dataset.truth import BODIES, MAX_GAP
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
 from vi_ekf_slam.evaluation.gauge import GAUGES
 from vi_ekf_slam.evaluation.pictures import (
@@ -21,6 +21,8 @@ from vi_ekf_slam.evaluation.pictures import (
 from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
 from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, of_body, read_bag, read_subject
 from vi_ekf_slam.evaluation.trajectory_export import export
+
+LEAST_MATCHED = 0.95  # of the poses; where fewer have truth beside them a remark says so
 
 
 def make_parser():
@@ -157,7 +159,12 @@ def _remarks(results):
                 subject.name, poses, os.path.join(subject.source, "before_reset_%d" % number))
         if subject.truth is None:
             yield "%s: no truth, so no errors; --truth or a bag with /ground_truth/path gives it" % subject.name
-        elif subject.cam_T_imu is None:
+            continue
+        poses = len(subject.stamps)
+        if result.slam.matched < LEAST_MATCHED * poses:
+            yield "%s: %d of %d poses have no truth beside them: outside of its time, or in a gap of more than %g s" % (
+                subject.name, poses - result.slam.matched, poses, MAX_GAP)
+        if subject.cam_T_imu is None:
             yield ("%s: no bag with an extrinsic, so positions of the IMU are compared; --bag gives the left camera's, "
                    "as KITTI compares them" % subject.name)
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 from vi_ekf_slam.evaluation import graphs, top_view
 from vi_ekf_slam.evaluation.against_truth import align, evaluate, judge_covariances, panel_titles
 from vi_ekf_slam.evaluation.report import DEFINITIONS, table
+from vi_ekf_slam.evaluation.run_evaluator import _remarks
 from vi_ekf_slam.evaluation.run_inputs import default_names
 from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
 
@@ -200,6 +202,13 @@ def test_one_dead_reckoning_has_one_column():
     errors = {"matched": 8, "body": "IMU"}
     runs = [{"name": n, "slam": errors, "dead_reckoning": errors, "frames": None} for n in ("a", "b")]
     assert table(runs)[0].split() == ["run", "a", "a", "b"]
+
+
+def test_poses_without_truth_beside_them_are_remarked():
+    subject = SimpleNamespace(name="a", summary={}, truth=(), cam_T_imu=np.eye(4), stamps=np.arange(100.0))
+    for matched, words in ((97, []), (60, ["a: 40 of 100 poses have no truth beside them"])):
+        remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(matched=matched))]))
+        assert len(remarks) == len(words) and all(word in remark for word, remark in zip(words, remarks))
 
 
 def test_names_tell_runs_apart():
