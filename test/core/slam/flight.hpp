@@ -175,4 +175,24 @@ inline Eigen::Vector3d savedVariable(const SavedMap& map, const std::string& nam
   return Eigen::Vector3d::Zero();
 }
 
+/// With biases, headed somewhere.
+inline FlightOptions startFlight(bool at_rest) {
+  FlightOptions options;
+  options.at_rest = at_rest;
+  options.pixel = 0.3;
+  options.gyro_bias = {0.01, -0.02, 0.015};
+  options.accelerometer_bias = {0.05, -0.05, 0.03};
+  options.heading = 0.7;
+  return options;
+}
+
+/// Feeds frames until it has started, for 5 s at most.
+template <typename Change>
+void startOf(Flight& flight, InertialEstimator& estimator, const Change& change) {
+  while (!estimator.hasStarted() && flight.seconds() < 5.0) flight.feed(estimator, change);
+}
+inline void startOf(Flight& flight, InertialEstimator& estimator) {
+  startOf(flight, estimator, [](auto&) {});
+}
+
 } // namespace vi_ekf_slam::test

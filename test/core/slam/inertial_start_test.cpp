@@ -1,4 +1,4 @@
-// How an inertial estimate starts by itself, at rest and in motion, where it refuses to, and where it stands.
+// How an inertial estimate starts by itself, at rest and in motion, and where it refuses to.
 
 #include "flight.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
@@ -8,16 +8,6 @@
 namespace vi_ekf_slam::test {
 namespace {
 
-FlightOptions startFlight(bool at_rest) {
-  FlightOptions options;
-  options.at_rest = at_rest;
-  options.pixel = 0.3;
-  options.gyro_bias = {0.01, -0.02, 0.015};
-  options.accelerometer_bias = {0.05, -0.05, 0.03};
-  options.heading = 0.7;
-  return options;
-}
-
 /// The vertical along the body's axes.
 Eigen::Vector3d upOf(const Eigen::Matrix3d& R) { return R.transpose().col(2); }
 
@@ -26,15 +16,6 @@ InitialState rightState(const Flight& flight) {
   Eigen::Matrix<double, 15, 1> sigma;
   sigma << 0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05;
   return flight.initialState(sigma, Eigen::Matrix<double, 15, 1>::Zero());
-}
-
-/// Feeds frames until it has started, for 5 s at most.
-template <typename Change>
-void startOf(Flight& flight, InertialEstimator& estimator, const Change& change) {
-  while (!estimator.hasStarted() && flight.seconds() < 5.0) flight.feed(estimator, change);
-}
-void startOf(Flight& flight, InertialEstimator& estimator) {
-  startOf(flight, estimator, [](auto&) {});
 }
 
 class InertialStart : public ::testing::TestWithParam<bool> {};
@@ -374,31 +355,6 @@ TEST(InertialStart, NeedsMoreTracksThanTheFilterIsToHave) {
   InertialEstimator estimator = inertialEstimator(config);
   for (int i = 0; i < 50 && !estimator.hasStarted(); ++i) flight.feed(estimator);
   EXPECT_TRUE(estimator.hasStarted()) << estimator.startProblem();
-}
-
-TEST(InertialStandstill, DoesNotDriftAndLearnsTheGyrosBias) {
-  FlightOptions options = startFlight(true);
-  options.imu_rate = 400.0;
-  options.pixel = 0.1;
-  options.points = 60;
-  options.noise.gyro_walk = 1e-6;
-  Flight flight(5, options);
-  InertialEstimator estimator = inertialEstimator(inertialConfig(options));
-  startOf(flight, estimator);
-  ASSERT_TRUE(estimator.hasStarted()) << estimator.startProblem();
-  const SE3 begin = estimator.state().world_T_imu;
-  while (flight.seconds() < 60.0) ASSERT_EQ(flight.feed(estimator).divergence, Divergence::kNone);
-  const StateEstimate state = estimator.state();
-  EXPECT_LT((state.world_T_imu.translation() - begin.translation()).norm(), 0.01);
-  EXPECT_LT(so3::Log(begin.rotation().transpose() * state.world_T_imu.rotation()).norm(), 0.01);
-  EXPECT_LT(state.twist.head<3>().norm(), 5e-3);
-  EXPECT_LT(std::sqrt(state.twist_covariance.diagonal().head<3>().maxCoeff()), 0.01);
-  const SavedMap map = estimator.savedMap()();
-  const Eigen::Vector3d error = savedVariable(map, Inertial::kGyroBias) - flight.gyroBias();
-  const Eigen::Vector3d sigma = map.covariance.diagonal().segment<3>(9).cwiseSqrt();
-  EXPECT_LT(error.norm(), 5e-4);
-  EXPECT_LT(sigma.maxCoeff(), 5e-4);
-  EXPECT_LT(error.cwiseQuotient(sigma).norm(), 4.5);
 }
 
 } // namespace

@@ -1,0 +1,34 @@
+// How an inertial estimate stands.
+
+#include "flight.hpp"
+
+namespace vi_ekf_slam::test {
+namespace {
+
+TEST(InertialStandstill, DoesNotDriftAndLearnsTheGyrosBias) {
+  FlightOptions options = startFlight(true);
+  options.imu_rate = 400.0;
+  options.pixel = 0.1;
+  options.points = 60;
+  options.noise.gyro_walk = 1e-6;
+  Flight flight(5, options);
+  InertialEstimator estimator = inertialEstimator(inertialConfig(options));
+  startOf(flight, estimator);
+  ASSERT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+  const SE3 begin = estimator.state().world_T_imu;
+  while (flight.seconds() < 60.0) ASSERT_EQ(flight.feed(estimator).divergence, Divergence::kNone);
+  const StateEstimate state = estimator.state();
+  EXPECT_LT((state.world_T_imu.translation() - begin.translation()).norm(), 0.01);
+  EXPECT_LT(so3::Log(begin.rotation().transpose() * state.world_T_imu.rotation()).norm(), 0.01);
+  EXPECT_LT(state.twist.head<3>().norm(), 5e-3);
+  EXPECT_LT(std::sqrt(state.twist_covariance.diagonal().head<3>().maxCoeff()), 0.01);
+  const SavedMap map = estimator.savedMap()();
+  const Eigen::Vector3d error = savedVariable(map, Inertial::kGyroBias) - flight.gyroBias();
+  const Eigen::Vector3d sigma = map.covariance.diagonal().segment<3>(9).cwiseSqrt();
+  EXPECT_LT(error.norm(), 5e-4);
+  EXPECT_LT(sigma.maxCoeff(), 5e-4);
+  EXPECT_LT(error.cwiseQuotient(sigma).norm(), 4.5);
+}
+
+} // namespace
+} // namespace vi_ekf_slam::test
