@@ -11,7 +11,6 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings import asl
-from vi_ekf_slam.recordings.asl import base_of
 from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, read_mapping, sensor_camera, sensor_pose,
                                                       timeshift, transform)
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
@@ -60,7 +59,7 @@ def read_noise(path):
 
 
 def _folder(folder):
-    base = base_of(folder)
+    base = asl.base_of(folder)
     if base:
         chain = asl.find(folder, base, "*camchain*.yaml")  # as the converter looks for it
         return _kalibr(chain)._replace(noise=asl.noise_of(folder, base)) if chain else _asl(base)
