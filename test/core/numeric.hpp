@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
 namespace vi_ekf_slam::test {
 
 /// Numbers from a fixed seed, so that a failure comes back.
@@ -79,8 +81,5 @@ double distance(const AnyMatrix& a, const Eigen::Ref<const LongMatrix>& b);
 /// `distance` in units of the largest element of `b`.
 double relativeDistance(const AnyMatrix& a, const AnyMatrix& b);
 double relativeDistance(const AnyMatrix& a, const Eigen::Ref<const LongMatrix>& b);
-
-/// Covariance of three independent errors of standard deviation `sigma`.
-inline Eigen::Matrix3d isotropic(double sigma) { return sigma * sigma * Eigen::Matrix3d::Identity(); }
 
 } // namespace vi_ekf_slam::test

@@ -136,6 +136,29 @@ TEST(Relocalisation, FindsThePlaceByLooksAloneWithAnHonestCovariance) {
   EXPECT_LT(nees, chiSquareMeanBounds(6, kSeeds).second);
 }
 
+/// Every `every`-th feature twice, under two ids.
+Drive withTwins(Drive laps, std::size_t from, FeatureId every) {
+  constexpr FeatureId kTwin = FeatureId{1} << 32;
+  for (std::size_t i = from; i < laps.steps.size(); ++i) {
+    const auto features = laps.steps[i].frame.features;
+    for (StereoFeatureObservation f : features) {
+      if (f.id % every != 0) continue;
+      f.id += kTwin;
+      laps.steps[i].frame.features.push_back(f);
+    }
+  }
+  return laps;
+}
+
+TEST(Relocalisation, TwoTracksOfACornerAreNotBothOneLandmark) {
+  const Drive laps = twoLaps(1, true);
+  const std::size_t half = laps.steps.size() / 2;
+  const SecondLap lap =
+      driveTheSecondLap(withTwins(renumbered(laps, half), half, 3), mapOfTheFirstLap(laps));
+  EXPECT_TRUE(lap.frames_before);
+  EXPECT_LT(lap.last_error, 3.0);
+}
+
 TEST(Relocalisation, DoesNotTakeAnotherStreetForItsOwnByItsLooks) {
   for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
     const Drive laps = twoLaps(seed, true);

@@ -6,8 +6,9 @@
 namespace vi_ekf_slam::so3 {
 namespace {
 
-// Below this angle the closed forms lose digits to cancellation and the series is exact to double precision.
-constexpr double kSmallAngle = 1e-2;
+// Below these angles the closed forms lose digits to cancellation and the series are exact to double
+// precision.
+constexpr double kSmallAngle = 1e-2, kSmallSecond = 0.1;
 
 /// (sin t / t, (1 - cos t) / t^2, (t - sin t) / t^3)
 struct Coefficients {
@@ -58,8 +59,10 @@ Eigen::Matrix3d leftJacobian(const Eigen::Vector3d& phi) {
 Eigen::Matrix3d secondIntegral(const Eigen::Vector3d& phi) {
   const double theta2 = phi.squaredNorm();
   const Coefficients k = coefficients(theta2);
-  const double d =
-      theta2 < kSmallAngle ? 1.0 / 24.0 - theta2 / 720.0 + theta2 * theta2 / 40320.0 : (0.5 - k.b) / theta2;
+  const double t4 = theta2 * theta2;
+  const double d = theta2 < kSmallSecond * kSmallSecond
+                       ? 1.0 / 24.0 - theta2 / 720.0 + t4 / 40320.0 - t4 * theta2 / 3628800.0
+                       : (0.5 - k.b) / theta2;
   const Eigen::Matrix3d W = hat(phi);
   return 0.5 * Eigen::Matrix3d::Identity() + k.c * W + d * W * W;
 }

@@ -7,12 +7,11 @@ namespace {
 
 // Of the bits of the next one elsewhere (Lowe 2004 for distances): what looks alike in two places tells none.
 constexpr double kRatio = 0.8;
-constexpr double kIndexGate = 11.345; // chi-square, 3 degrees of freedom, 99 %
 
 } // namespace
 
 bool mayBeSame(const Eigen::Vector3d& d, const Eigen::Matrix3d& covariance) {
-  return squaredMahalanobis(d, covariance) < kIndexGate;
+  return squaredMahalanobis(d, covariance) < kChiSquare3;
 }
 
 // Two that have nothing in common differ by 128 bits, with a standard deviation of 8: of 10^6 comparisons

@@ -21,7 +21,6 @@ constexpr std::size_t kMostLookUps = 12; // in a frame: with 10,000 landmarks in
 constexpr std::size_t kLeastMatches = 5; // of a place
 constexpr double kShare = 0.4;           // of the matches, that agree
 constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
-constexpr double kGate2 = 11.345;        // chi-square, 3 degrees of freedom, 99 %
 // What must agree before a place is believed.
 constexpr int kAttempts = 3;
 constexpr std::size_t kOthers = 3; // landmarks that the first attempt did not have
@@ -33,12 +32,12 @@ class Reach {
   Reach(const Filter& filter, Handle landmark)
       : at_(filter.variables().point(landmark)),
         S_(filter.worldCovariance(landmark) + isotropic(kCornerSigma)),
-        within2_(kGate2 * S_.trace()) {}
+        within2_(kChiSquare3 * S_.trace()) {}
   bool allows(const KnownLook& known) const {
     const Eigen::Vector3d d = known.position - at_;
     // The largest eigenvalue of a sum is at most the sum of the traces.
-    if (d.squaredNorm() > within2_ + kGate2 * known.covariance.trace()) return false;
-    return squaredMahalanobis(d, S_ + known.covariance) < kGate2;
+    if (d.squaredNorm() > within2_ + kChiSquare3 * known.covariance.trace()) return false;
+    return squaredMahalanobis(d, S_ + known.covariance) < kChiSquare3;
   }
 
  private:
@@ -52,19 +51,6 @@ bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
          !landmark.reactivated && !landmark.suspect && !map.isInactive(landmark.id);
 }
 
-/// Of those that are expected the ones that any of the looks may be, active now.
-void reactivateAlike(Filter& filter, LandmarkMap& map, const std::vector<DescriptorSet>& looks, Stamp now) {
-  std::vector<FeatureId> alike;
-  for (const FeatureId id : map.expected(now)) {
-    const DescriptorSet& known = map.inactive(map.inactiveVariable(id)).descriptors;
-    const auto is_alike = [&known](const DescriptorSet& look) {
-      return distance(look, known) <= MostAlike::kMostBits;
-    };
-    if (std::any_of(looks.begin(), looks.end(), is_alike)) alike.push_back(id);
-  }
-  map.reactivate(filter, alike, now);
-}
-
 } // namespace
 
 AppearanceLoops::AppearanceLoops() : agreement_(kAttempts, kOthers) {}
@@ -74,51 +60,6 @@ void AppearanceLoops::restart() {
   agreement_.restart();
   known_ = AppearanceIndex();
   next_index_.reset();
-}
-
-void AppearanceLoops::claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
-                            const StereoFrame& frame, const std::vector<std::size_t>& usable) {
-  const auto tracked = map.indexById();
-  std::vector<std::size_t> features;
-  std::vector<DescriptorSet> looks;
-  for (const std::size_t feature : usable) {
-    const StereoFeatureObservation& f = frame.features[feature];
-    if (!f.descriptor || tracked.count(f.id) || map.isInactive(f.id)) continue;
-    features.push_back(feature);
-    looks.emplace_back().add(*f.descriptor);
-  }
-  reactivateAlike(filter, map, looks, frame.stamp);
-  std::vector<std::size_t> expected;
-  for (std::size_t i = 0; i < map.active().size(); ++i) {
-    if (map.active()[i].reactivated && !map.active()[i].descriptors.isEmpty()) expected.push_back(i);
-  }
-  if (expected.empty()) return;
-  for (std::size_t k = 0; k < features.size(); ++k) {
-    const StereoFeatureObservation& f = frame.features[features[k]];
-    const DescriptorSet& look = looks[k];
-    const double corner = kCornerSigma * (f.pixels[0] - f.pixels[2]) / model.rig().camera.baseline; // px
-    const double sigma = std::hypot(model.sigmaOf(f.sigma), corner);
-    MostAlike best;
-    for (const std::size_t i : expected) {
-      Landmark& landmark = map.active(i);
-      const int bits = distance(look, landmark.descriptors);
-      if (!landmark.reactivated || bits > MostAlike::kMostBits) continue;
-      auto measurement = model.observe(filter, landmark.variable, f.pixels, sigma);
-      if (!measurement) continue;
-      Innovation in(filter.covariance(), {std::move(*measurement)});
-      if (!(in.nisOf(0) < kGate2)) continue;
-      best.offer(i, bits, [&] {
-        const Handle a = landmark.variable, b = map.active()[best.first].variable;
-        return mayBeSame(filter.variables().point(a) - filter.variables().point(b),
-                         filter.covariance(a) + filter.covariance(b));
-      });
-    }
-    if (!best.isClear()) continue;
-    map.active(best.first).id = f.id;
-    // It is the point of this track from now on.
-    filter.addNoise(filter.rowOf(map.active(best.first).variable), isotropic(kCornerSigma));
-    expected.erase(std::find(expected.begin(), expected.end(), best.first));
-  }
 }
 
 Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
@@ -133,7 +74,7 @@ Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Set
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
   if (const auto found = recognise(filter, map)) {
     const bool is_ready = settling.isReady(filter, now);
-    if (confirms(*found, filter, map) && is_ready) return close(*found, filter, map, now);
+    if (confirms(*found, filter, map) && is_ready) return close(*found, filter, map);
   }
   return {};
 }
@@ -148,9 +89,9 @@ bool AppearanceLoops::confirms(const Recognition& found, const Filter& filter, c
   return agreement_.confirms(found, about, kWay * centreOf(ways).norm());
 }
 
-Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map, Stamp now) {
+Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map) {
   agreement_.restart();
-  const Revisit revisit = fuseMatches(filter, map, found.matches, now, kLeastMatches, kCornerSigma).revisit;
+  const Revisit revisit = fuseMatches(filter, map, found.matches, kLeastMatches, kCornerSigma).revisit;
   for (const auto& [is_now, was] : found.matches) look_ups_.erase(is_now);
   return revisit;
 }

@@ -7,10 +7,9 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kGate = 11.345; // chi-square, 3 degrees of freedom, 99 %
 // Wider, since what the pairs have in common is an error of the way since, which is not quite normal; that
 // they agree is what speaks for them.
-constexpr double kCommonGate = 4.0 * kGate;
+constexpr double kCommonGate = 4.0 * kChiSquare3;
 constexpr double kJointGate = 5.0; // of the joint chi-square, per degree of freedom
 
 /// The pairs that agree, each by itself and once `h` is believed.
@@ -30,12 +29,25 @@ std::vector<bool> agreeing(const Innovation& in, std::size_t h) {
     const Eigen::Vector3d left = Eigen::Vector3d(in.measurements()[j].residual()) - cross * weighted;
     const Eigen::Matrix3d covariance =
         Eigen::Matrix3d(in.S(j, j)) - cross * solvePositive(own, Eigen::Matrix3d(cross.transpose()));
-    agrees[j] = squaredMahalanobis(left, covariance) < kGate;
+    agrees[j] = squaredMahalanobis(left, covariance) < kChiSquare3;
   }
   return agrees;
 }
 
 } // namespace
+
+std::vector<bool> largestAgreement(const Innovation& in) {
+  std::vector<bool> best(in.measurements().size(), false);
+  std::ptrdiff_t most = 0;
+  for (std::size_t h = 0; h < best.size(); ++h) {
+    std::vector<bool> agrees = agreeing(in, h);
+    const std::ptrdiff_t count = std::count(agrees.begin(), agrees.end(), true);
+    if (count <= most) continue;
+    most = count;
+    best.swap(agrees);
+  }
+  return best;
+}
 
 Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma) {
   Fusion result{std::vector<bool>(pairs.size(), false)};
@@ -44,21 +56,14 @@ Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::
   const Variables& variables = filter.variables();
   std::vector<LinearMeasurement> same; // x_now = x_before: y_now - y_before = x_before^ - x_now^
   for (const Duplicate& pair : pairs) {
-    same.push_back(LinearMeasurement(variables.point(pair.before) - variables.point(pair.now),
-                                     sigma * sigma * Eigen::Matrix3d::Identity())
-                       .by(filter.rowOf(pair.now), Eigen::Matrix3d::Identity())
-                       .by(filter.rowOf(pair.before), -Eigen::Matrix3d::Identity()));
+    same.push_back(
+        LinearMeasurement(variables.point(pair.before) - variables.point(pair.now), isotropic(sigma))
+            .by(filter.rowOf(pair.now), Eigen::Matrix3d::Identity())
+            .by(filter.rowOf(pair.before), -Eigen::Matrix3d::Identity()));
   }
   Innovation in(filter.covariance(), std::move(same));
-  std::vector<bool> best;
-  std::ptrdiff_t most = 0;
-  for (std::size_t h = 0; h < pairs.size(); ++h) {
-    std::vector<bool> agrees = agreeing(in, h);
-    const std::ptrdiff_t count = std::count(agrees.begin(), agrees.end(), true);
-    if (count <= most) continue;
-    most = count;
-    best.swap(agrees);
-  }
+  std::vector<bool> best = largestAgreement(in);
+  const std::ptrdiff_t most = std::count(best.begin(), best.end(), true);
   if (most == 0 || static_cast<std::size_t>(most) < least) return result;
   in.putFirst(best);
   in.drop();

@@ -19,8 +19,8 @@ Stamp medianOf(const std::vector<Stamp>& stamps, const Fusion& fusion) {
 
 } // namespace
 
-FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, Stamp now,
-                         std::size_t least, double sigma) {
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, std::size_t least,
+                         double sigma) {
   const auto index = map.indexById();
   const std::size_t first = map.active().size(), pairs = matches.size();
   std::vector<FeatureId> ids;
@@ -29,7 +29,7 @@ FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matche
     ids.push_back(was);
     last_seen.push_back(map.inactive(map.inactiveVariable(was)).last_seen);
   }
-  map.reactivate(filter, ids, now);
+  map.reactivate(filter, ids);
   std::vector<Duplicate> duplicates;
   for (std::size_t i = 0; i < pairs; ++i) {
     duplicates.push_back(

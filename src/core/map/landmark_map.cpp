@@ -9,7 +9,7 @@ namespace {
 constexpr std::size_t kMaxArchived = 100000;     // landmarks
 constexpr std::size_t kArchivedObservations = 3; // of a landmark, for its last estimate to stay in the map
 constexpr double kExpectedTime = 10.0;           // s
-constexpr std::size_t kMostOthers = 1000;        // inactive variables that are no landmarks
+constexpr std::size_t kMostOthers = 1000;        // inactive variables that are no landmarks, by default
 
 } // namespace
 
@@ -40,8 +40,10 @@ Landmark LandmarkMap::takeInactive(Handle variable) {
 }
 
 bool LandmarkMap::isGood(const Landmark& landmark) const {
+  // Not the ids themselves: those of some front ends go up by more than one.
+  const std::uint64_t mixed = (landmark.id * 0x9E3779B97F4A7C15) >> 32;
   return options_.keep == MapKeep::kAll || landmark.in_map ||
-         (landmark.id % options_.one_in == 0 && landmark.observations >= kArchivedObservations &&
+         (mixed % options_.one_in == 0 && landmark.observations >= kArchivedObservations &&
           secondsBetween(landmark.first_seen, landmark.last_seen) >= options_.min_track_s);
 }
 
@@ -68,14 +70,13 @@ void LandmarkMap::deactivate(Filter& filter, std::size_t index, const Eigen::Mat
   drop(index);
 }
 
-void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now) {
+void LandmarkMap::reactivate(Filter& filter, const std::vector<FeatureId>& ids) {
   std::vector<Handle> handles;
   for (const FeatureId id : ids) handles.push_back(inactive_by_id_.at(id));
   filter.activate(handles);
   for (const Handle handle : handles) {
     active_.push_back(takeInactive(handle));
     active_.back().reactivated = true;
-    active_.back().last_seen = now;
   }
 }
 
@@ -102,7 +103,7 @@ std::vector<InactiveStore::Estimate> LandmarkMap::bound(Filter& filter, bool all
   const std::size_t most = options_.max_landmarks;
   std::size_t count = all ? held : 0;
   if (!all && landmarks > most) count = landmarks - most + most / 4;
-  if (!all && held - landmarks > kMostOthers) count = std::max(count, held / 4);
+  if (!all && held - landmarks > std::max(kMostOthers, most / 2)) count = std::max(count, held / 4);
   if (count == 0) return {};
   std::vector<InactiveStore::Estimate> before = filter.inactive().estimates(false), others;
   // The first ones are the oldest.

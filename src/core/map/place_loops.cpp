@@ -26,7 +26,7 @@ constexpr double kNearPoint = 0.3; // m: a corner found anew is not the corner f
 PlaceLoops::PlaceLoops() : agreement_(2, kLeastAgreeing) {}
 
 Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
-  if (!confirmed_.empty()) return settling.isReady(filter, now) ? close(filter, map, now) : Revisit();
+  if (!confirmed_.empty()) return settling.isReady(filter, now) ? close(filter, map) : Revisit();
   if ((next_attempt_ && now < *next_attempt_) || map.inactiveCount() < kLeastBefore) return {};
   next_attempt_ = now + fromSeconds(kBetween);
   const std::uint64_t view = map.keptOfView();
@@ -56,11 +56,11 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
   if (!agreement_.confirms(*recognition, about, kWayBetween)) return {};
   agreement_.restart();
   confirmed_ = recognition->matches;
-  return is_ready ? close(filter, map, now) : Revisit();
+  return is_ready ? close(filter, map) : Revisit();
 }
 
 /// What was confirmed, as far as it is still in the map.
-Revisit PlaceLoops::close(Filter& filter, LandmarkMap& map, Stamp now) {
+Revisit PlaceLoops::close(Filter& filter, LandmarkMap& map) {
   Matches matches = std::exchange(confirmed_, {});
   const auto active = map.indexById();
   const auto is_gone = [&](FeatureId id) { return !map.isInactive(id) && !active.count(id); };
@@ -76,7 +76,7 @@ Revisit PlaceLoops::close(Filter& filter, LandmarkMap& map, Stamp now) {
     ids.push_back(was);
   }
   const std::size_t first = map.active().size();
-  map.reactivate(filter, ids, now);
+  map.reactivate(filter, ids);
   const auto index = map.indexById();
   std::vector<Duplicate> pairs;
   for (const auto& [is_now, was] : matches)

@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::size_t kLeastPoints = 40;   // on either side, for chance to be known
 constexpr std::size_t kMostMatches = 6000; // proposed; what a fraction of a second can compare in pairs
-constexpr double kGate2 = 11.345;          // chi-square, 3 degrees of freedom, 99 %
 constexpr double kTolerance = 0.4;         // m, of a point's place
 constexpr double kLeastBaseline = 6.0;     // m, between the points of a transform
 constexpr std::size_t kSeeds = 60;         // matches that agree with most others, from which transforms begin
@@ -59,7 +58,7 @@ class Gate {
     Eigen::Matrix3d S = J * covariance_ * J.transpose();
     S.diagonal().array() += kTolerance * kTolerance;
     const Eigen::Vector3d d = before - now;
-    return squaredMahalanobis(d, S) < kGate2;
+    return squaredMahalanobis(d, S) < kChiSquare3;
   }
 
   bool allows(const SE3& before_T_now) const {
@@ -68,7 +67,7 @@ class Gate {
     Matrix6d S = covariance_;
     S.diagonal().head<3>().array() += kTolerance * kTolerance;
     S.diagonal().tail<3>().array() += 1e-4;
-    return squaredMahalanobis(d, S) < 16.812; // 6 degrees of freedom, 99 %
+    return squaredMahalanobis(d, S) < kChiSquare6;
   }
 
   /// Whether two matches can both be right: the same distance, and turned no more than the pose may be.

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/pose_reset.hpp"
@@ -20,7 +21,6 @@ constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
 constexpr double kBetweenTries = 0.5;    // s
 constexpr double kBetweenFailures = 5.0; // s, of the costly part
-constexpr double kCompatible = 11.345;   // chi-square, 3 degrees of freedom, 99 %
 constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
 constexpr double kShareOfLooks = 0.4;    // the same where looks alone say that they are
 constexpr std::size_t kMostLookUps = 25; // in a try: with 4000 landmarks two milliseconds
@@ -153,7 +153,7 @@ void keepCompatible(MatchedPoints& m, SE3& there_T_here) {
     const Eigen::Vector3d centre = centreOf(moved);
     const Eigen::Matrix3d turn = so3::Exp(motion.tail<3>());
     there_T_here = (SE3(turn, centre - turn * centre + motion.head<3>()) * there_T_here).normalized();
-    if (!(most > kCompatible)) return;
+    if (!(most > kChiSquare3)) return;
     m.leaveOut(worst);
   }
 }
@@ -203,7 +203,7 @@ bool Relocaliser::update(Filter& filter, LandmarkMap& landmarks, ReturningLandma
   std::optional<Place> place = find(filter, landmarks, candidatesById(landmarks), kShareOfMatches);
   if (!place) place = findByLooks(filter, landmarks);
   if (!place) return false;
-  if (moveTo(*place, filter, landmarks, returning, now)) return true;
+  if (moveTo(*place, filter, landmarks, returning)) return true;
   next_attempt_ = now + fromSeconds(kBetweenFailures);
   return false;
 }
@@ -238,6 +238,12 @@ Relocaliser::Candidates Relocaliser::candidatesByLooks(const LandmarkMap& landma
     if (look_up.known) candidates.emplace_back(i, known_[*look_up.known].id);
   }
   look_ups_.swap(in_view);
+  // Two landmarks in view cannot be one of the map.
+  std::unordered_map<std::size_t, int> claims;
+  for (const auto& candidate : candidates) ++claims[candidate.second];
+  candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
+                                  [&claims](const auto& c) { return claims[c.second] > 1; }),
+                   candidates.end());
   return candidates;
 }
 
@@ -327,7 +333,7 @@ bool Relocaliser::placeAt(const SE3& pose, const Matrix6d& covariance, Filter& f
 
 /// The vehicle's landmarks of these matches are fused with the map's, which tells where it is there.
 bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
-                         ReturningLandmarks& returning, Stamp now) const {
+                         ReturningLandmarks& returning) const {
   Filter moved = filter;
   LandmarkMap map = landmarks;
   ReturningLandmarks returning_there = returning;
@@ -344,11 +350,11 @@ bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landma
   if (place.by_id) {
     std::vector<FeatureId> ids;
     for (const auto& [id, known] : place.matches) ids.push_back(id);
-    fused = returning_there.fuse(moved, map, now, ids, kLeastFused).landmarks;
+    fused = returning_there.fuse(moved, map, ids, kLeastFused).landmarks;
   } else {
     Matches matches;
     for (const auto& [id, known] : place.matches) matches.emplace_back(id, LandmarkMap::kRenumbered + known);
-    fused = fuseMatches(moved, map, matches, now, kLeastFused, kCornerSigma).revisit.landmarks;
+    fused = fuseMatches(moved, map, matches, kLeastFused, kCornerSigma).revisit.landmarks;
   }
   if (fused < kLeastFused || !isValid(moved, true)) return false;
   moveArchive(map_T_session, filter, moved, map);

@@ -59,7 +59,7 @@ void ReturningLandmarks::recognise(Filter& filter, LandmarkMap& map, const Stere
   std::vector<FeatureId> again;
   std::copy_if(expected.begin(), expected.end(), std::back_inserter(again),
                [&in_view](FeatureId id) { return in_view.count(id) != 0; });
-  map.reactivate(filter, again, frame.stamp);
+  map.reactivate(filter, again);
 }
 
 Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling) {
@@ -75,14 +75,14 @@ Revisit ReturningLandmarks::update(Filter& filter, LandmarkMap& map, Stamp now, 
   }
   elsewhere_.swap(in_view);
   if (ids.size() < kLeast || !settling.isReady(filter, now)) return {};
-  return fuse(filter, map, now, ids, kLeast);
+  return fuse(filter, map, ids, kLeast);
 }
 
-Revisit ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, Stamp now,
-                                 const std::vector<FeatureId>& ids, std::size_t least) {
+Revisit ReturningLandmarks::fuse(Filter& filter, LandmarkMap& map, const std::vector<FeatureId>& ids,
+                                 std::size_t least) {
   Matches matches;
   for (const FeatureId id : ids) matches.emplace_back(id, id);
-  const auto [fusion, revisit] = fuseMatches(filter, map, matches, now, least, kSamePoint);
+  const auto [fusion, revisit] = fuseMatches(filter, map, matches, least, kSamePoint);
   for (std::size_t i = 0; i < ids.size(); ++i) {
     if (!fusion.fused[i]) elsewhere_.insert(ids[i]);
   }

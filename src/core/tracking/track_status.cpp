@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
@@ -10,7 +12,6 @@ constexpr double kTrusted =
     1.0; // s, for which the local map is believed against frames that only contradict it
 // s, for which a rejected track must be seen in one place: a car would have gone on by several metres.
 constexpr double kProbation = 2.0;
-constexpr double kSamePlace = 11.345; // chi-square, 3 degrees of freedom, 99 %: of one place
 constexpr double kSameView = 3.665;   // 70 %: of most points of one view
 constexpr double kMostOfView = 0.5;
 
@@ -53,7 +54,7 @@ bool TrackStatus::hasStood(const Filter& filter, const StereoModel& model, const
   std::optional<StandingTrack>& track = rejected_[f.id];
   const auto seen =
       model.isUsable(f.pixels, f.sigma) ? model.triangulate(filter, f.pixels, f.sigma) : std::nullopt;
-  if (seen && track && track->distanceTo(filter, *seen) < kSamePlace)
+  if (seen && track && track->distanceTo(filter, *seen) < kChiSquare3)
     return secondsBetween(track->since(), frame.stamp) >= kProbation;
   track = seen ? std::make_optional<StandingTrack>(filter, *seen, frame.stamp) : std::nullopt;
   return false;

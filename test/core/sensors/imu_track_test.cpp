@@ -11,7 +11,6 @@ namespace {
 
 using test::distance;
 using test::imuSample;
-using test::isotropic;
 
 const ImuNoise kNoise{0.01, 0.1, 1e-3, 1e-2};
 

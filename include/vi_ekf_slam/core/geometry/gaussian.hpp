@@ -20,6 +20,9 @@ Eigen::Vector3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Vector3d& b
 Eigen::Matrix3d solvePositive(const Eigen::Matrix3d& S, const Eigen::Matrix3d& B);
 Vector6d solvePositive(const Matrix6d& S, const Vector6d& b);
 
+/// What a chi-square of so many degrees of freedom exceeds in 1 % of all cases.
+constexpr double kChiSquare3 = 11.345, kChiSquare6 = 16.812;
+
 /// e^T S^-1 e, the squared Mahalanobis distance of an error e of covariance S: chi-square distributed with as
 /// many degrees of freedom as e has. Not a number where S is not positive definite.
 double squaredMahalanobis(const Eigen::Vector3d& e, const Eigen::Matrix3d& S);

@@ -20,11 +20,6 @@ class AppearanceLoops {
  public:
   AppearanceLoops();
 
-  /// Before a frame is associated: features of new tracks that look like landmarks which are expected in
-  /// view, and lie where these should be seen, are theirs from now on, to kCornerSigma.
-  static void claim(Filter& filter, LandmarkMap& map, const StereoModel& model,
-                    const StereoFrame& frame, const std::vector<std::size_t>& usable);
-
   /// After a frame. Landmarks that were found to be ones that were seen before, by being compared.
   Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
   void restart();
@@ -37,7 +32,7 @@ class AppearanceLoops {
   };
 
   bool confirms(const Recognition& found, const Filter& filter, const LandmarkMap& map);
-  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map, Stamp now);
+  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map);
   void index(const Filter& filter, const LandmarkMap& map);
   void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;

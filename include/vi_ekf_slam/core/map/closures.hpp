@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "vi_ekf_slam/core/map/appearance_claims.hpp"
 #include "vi_ekf_slam/core/map/appearance_loops.hpp"
 #include "vi_ekf_slam/core/map/place_loops.hpp"
 #include "vi_ekf_slam/core/map/place_recognition.hpp"
@@ -47,7 +48,7 @@ class Closures {
   void expect(Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
               const std::vector<std::size_t>& usable) {
     ReturningLandmarks::recognise(filter, map, frame, usable);
-    if (recognition_ != PlaceRecognition::kNone) AppearanceLoops::claim(filter, map, model, frame, usable);
+    if (recognition_ != PlaceRecognition::kNone) claimExpected(filter, map, model, frame, usable);
   }
   void restart() {
     returning_.restart();

@@ -28,7 +28,7 @@ struct FusedMatches {
   Fusion fusion; ///< pair by pair
   Revisit revisit;
 };
-FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, Stamp now,
-                         std::size_t least, double sigma);
+FusedMatches fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, std::size_t least,
+                         double sigma);
 
 } // namespace vi_ekf_slam

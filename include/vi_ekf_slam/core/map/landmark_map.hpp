@@ -17,7 +17,7 @@ struct Landmark {
   Handle variable = 0;
   std::size_t observations = 1; ///< that corrected the state, the first one included
   Stamp first_seen = 0;
-  Stamp last_seen = 0;            ///< in a frame that was used, or reactivated
+  Stamp last_seen = 0;            ///< in a frame that was used
   bool reactivated = false;       ///< from an earlier time, not in a frame that was used since
   bool in_map = false;            ///< has been kept before
   bool suspect = false;           ///< its track has contradicted the static world: not for the map
@@ -73,7 +73,7 @@ class LandmarkMap {
   /// Makes inactive, whatever the options say; there is none of its id.
   void deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
   /// Inactive landmarks are the last active ones, in this order.
-  void reactivate(Filter& filter, const std::vector<FeatureId>& ids, Stamp now);
+  void reactivate(Filter& filter, const std::vector<FeatureId>& ids);
   /// Inactive ones that should come into view within some seconds, in the place of those before.
   void expect(std::vector<FeatureId> ids, Stamp now);
   /// Those of them that are inactive still, and whose id no active one has.

@@ -25,7 +25,7 @@ class PlaceLoops {
   }
 
  private:
-  Revisit close(Filter& filter, LandmarkMap& map, Stamp now);
+  Revisit close(Filter& filter, LandmarkMap& map);
 
   PlaceAgreement agreement_;
   Matches confirmed_; ///< waits until a loop may be closed

@@ -47,8 +47,8 @@ class Relocaliser {
   Candidates candidatesByLooks(const LandmarkMap& landmarks);
   std::optional<Place> findByLooks(const Filter& filter, const LandmarkMap& landmarks);
   void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks, bool renumbered = false) const;
-  bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks, ReturningLandmarks& returning,
-              Stamp now) const;
+  bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,
+              ReturningLandmarks& returning) const;
 
   std::shared_ptr<const SavedMap> map_;
   std::unordered_map<FeatureId, std::size_t> index_; ///< of its landmarks, by id

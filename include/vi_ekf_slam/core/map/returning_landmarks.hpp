@@ -21,8 +21,7 @@ class ReturningLandmarks {
   Revisit update(Filter& filter, LandmarkMap& map, Stamp now, Settling& settling);
 
   /// Fuses the active landmarks of these ids with the inactive ones, where `least` of them agree.
-  Revisit fuse(Filter& filter, LandmarkMap& map, Stamp now, const std::vector<FeatureId>& ids,
-               std::size_t least);
+  Revisit fuse(Filter& filter, LandmarkMap& map, const std::vector<FeatureId>& ids, std::size_t least);
 
   /// Before a frame is associated: landmarks that are expected, and whose ids are in it, become active.
   static void recognise(Filter& filter, LandmarkMap& map, const StereoFrame& frame,

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/motion/motion_model.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
@@ -49,7 +50,7 @@ class FrameUpdate {
     bool consensus = true; ///< 1-point RANSAC (for comparison: false)
     /// RMS residual of the four coordinates up to which a feature agrees, in sigmas of its pixels.
     double consensus_sigmas = 1.2;
-    double gate = 11.345;    ///< chi-square limit with 3 degrees of freedom for a single feature (99 %)
+    double gate = kChiSquare3; ///< for a single feature's three rows
     double frame_gate = 5.0; ///< NIS per degree of freedom beyond which a whole frame is impossible
     /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all: wide,
     /// since the consensus chooses.
