@@ -76,8 +76,21 @@ TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
   ASSERT_TRUE(base.update("imu_link", SE3()));
   EXPECT_EQ("imu_link", base.name());
   EXPECT_EQ(kWorldTImu.matrix(), base.pose(kWorldTImu).matrix());
+  base.lookForParent(fromSeconds(100.0));
   EXPECT_TRUE(base.hasForeignParent());
   EXPECT_NE(std::string::npos, base.problem().find("base_frame")) << base.problem();
+}
+
+TEST_F(Base, has_no_parent_any_more_that_nobody_publishes) {
+  BaseFrame base(frames_, config_);
+  ASSERT_TRUE(base.update("imu_link", SE3()));
+  frames_.add(transform(pose(1, 0, 0, 0, 0, 0), "odom", "base_link", fromSeconds(20.0)), false);
+  base.lookForParent(fromSeconds(20.5));
+  EXPECT_TRUE(base.hasForeignParent());
+  EXPECT_NE(std::string::npos, base.problem().find("'odom' -> 'base_link'")) << base.problem();
+  base.lookForParent(fromSeconds(26.0));
+  EXPECT_FALSE(base.hasForeignParent());
+  EXPECT_EQ("", base.problem());
 }
 
 TEST_F(Base, begins_the_map_where_it_began) {

@@ -35,10 +35,12 @@ std::optional<Stamp> FrameTree::newest(const std::string& target, const std::str
   return conversions::toStamp(buffer_.lookupTransform(target, source, ros::Time(0)).header.stamp);
 }
 
-std::string FrameTree::parentOf(const std::string& frame) const {
+std::string FrameTree::parentOf(const std::string& frame, Stamp now) const {
+  constexpr double kLongest = 5.0; // s from one transform to the next
   std::string parent;
   if (frame.empty() || !buffer_._getParent(frame, ros::Time(0), parent)) return {};
-  return parent;
+  const Stamp last = newest(parent, frame).value_or(0);
+  return last == 0 || secondsBetween(last, now) <= kLongest ? parent : std::string();
 }
 
 } // namespace vi_ekf_slam

@@ -39,8 +39,6 @@ bool BaseFrame::update(const std::string& imu_frame, const std::optional<SE3>& s
   return true;
 }
 
-bool BaseFrame::hasForeignParent() const { return !frames_.parentOf(name_).empty(); }
-
 std::string BaseFrame::problem() const {
   if (imu_frame_.empty()) return {}; // no IMU message yet, which is said elsewhere
   if (name_.empty())
@@ -48,10 +46,9 @@ std::string BaseFrame::problem() const {
            "' to the IMU's frame '" + imu_frame_ + "'; publish it on /tf_static, as a robot description does";
   const bool sends_base = config_.publish_tf && (config_.publish_odom_tf || config_.single_tf);
   if (!sends_base || !hasForeignParent()) return {};
-  const std::string parent = frames_.parentOf(name_);
   const std::string what =
-      "no transform is published, since somebody else publishes '" + parent + "' -> '" + name_ + "': ";
-  return what + (parent == config_.odom_frame
+      "no transform is published, since somebody else publishes '" + foreign_parent_ + "' -> '" + name_ + "': ";
+  return what + (foreign_parent_ == config_.odom_frame
                      ? "set ros/publish_odom_tf to false, if that is another odometry"
                      : "set ros/base_frame to the root of the robot's frames, since a frame has one parent");
 }

@@ -35,6 +35,7 @@ void Publishers::publish(const Output& output, bool is_frame) {
   const StateEstimate in_map = base_.state(output.state);
   const SE3 start_T_base = base_.pose(output.odom_T_imu);
   const StateEstimate in_odom = smooth_.update(start_T_base, in_map);
+  base_.lookForParent(stamp);
   transforms_.publish(stamp, in_map.world_T_imu, in_odom.world_T_imu, base_);
   if (odometry_.getNumSubscribers() > 0)
     odometry_.publish(conversions::toOdometry(in_map, config_.map_frame, base_.name()));

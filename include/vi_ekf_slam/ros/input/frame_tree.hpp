@@ -26,8 +26,8 @@ class FrameTree {
   std::optional<SE3> findAt(const std::string& target, const std::string& source, Stamp stamp) const;
   /// Up to which the two are known (0: for ever); nothing where they are not.
   std::optional<Stamp> newest(const std::string& target, const std::string& source) const;
-  /// Empty: none is known.
-  std::string parentOf(const std::string& frame) const;
+  /// That somebody publishes still: its transform is static, or not older than some seconds; empty: none.
+  std::string parentOf(const std::string& frame, Stamp now) const;
 
  private:
   std::optional<SE3> lookUp(const std::string& target, const std::string& source,

@@ -27,8 +27,9 @@ class BaseFrame {
   std::string problem() const;
   /// Of the frame; empty as long as nothing is known.
   const std::string& name() const { return name_; }
-  /// Whether somebody else publishes a parent of the frame, beside which there must be no second publisher.
-  bool hasForeignParent() const;
+  /// Looks whether somebody else publishes a parent of the frame, beside which there must be no second one.
+  void lookForParent(Stamp now) { foreign_parent_ = frames_.parentOf(name_, now); }
+  bool hasForeignParent() const { return !foreign_parent_.empty(); }
 
   /// M of above.
   const SE3& mapFromWorld() const { return map_T_world_; }
@@ -49,6 +50,7 @@ class BaseFrame {
   RosConfig config_;
   std::string imu_frame_;
   std::string name_;
+  std::string foreign_parent_;
   std::optional<SE3> base_T_imu_; ///< nothing: the IMU itself, or not known
   SE3 map_T_world_;
 };
