@@ -127,8 +127,12 @@ void ImuCheck::noteFrame(Stamp stamp) {
   const double silence = secondsBetween(*last_, stamp);
   if (silence <= std::max(kSilence, 5.0 * usual)) return;
   ++counts_.stops;
-  faults_[kStopped] = "the IMU has stopped: no sample for " + rounded(silence) +
-                      " s, while frames go on; so does the estimate, with a growing covariance";
+  const bool is_late = arrived_ && *arrived_ > *last_ && *arrived_ < stamp;
+  faults_[kStopped] =
+      (is_late ? "the IMU's samples come after frames that are " + rounded(secondsBetween(*arrived_, stamp)) +
+                     " s newer, too late to be used (buffer/max_delay_s; do camera and IMU have one clock?)"
+               : "the IMU has stopped: no sample for " + rounded(silence) + " s, while frames go on") +
+      "; the estimate goes on with a growing covariance";
   say(faults_[kStopped]);
 }
 

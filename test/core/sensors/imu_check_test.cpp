@@ -98,6 +98,18 @@ TEST(ImuCheck, SaysWhenItStopsWhileFramesGoOnAndWhenItIsBack) {
   EXPECT_EQ(check.counts().stops, 1U);
 }
 
+TEST(ImuCheck, TellsSamplesThatComeTooLateFromNone) {
+  ImuCheck check(kGravity);
+  Said said = saidOf(check, regular(0.0, 2.0, 0.01));
+  check.onProblem([&said](const std::string& text) { said.push_back(text); });
+  for (double t = 2.0; t < 3.0; t += 0.1) {
+    check.arrived(fromSeconds(t - 0.4)); // and is dropped
+    check.noteFrame(fromSeconds(t));
+  }
+  EXPECT_TRUE(contains(said, "after frames that are 0.4 s newer")) << ::testing::PrintToString(said);
+  EXPECT_FALSE(contains(said, "stopped"));
+}
+
 TEST(ImuCheck, DoesNotTakeASlowImuForOneThatStops) {
   ImuCheck check(kGravity);
   EXPECT_EQ(saidOf(check, regular(0.0, 10.0, 0.2)), Said());
