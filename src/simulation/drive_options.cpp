@@ -13,6 +13,7 @@ namespace {
 using O = DriveOptions;
 
 constexpr double kLeastRate = 0.5; // Hz
+constexpr double kMostStale = 0.5; // of the frames; beyond it little is left of what the drive is to show
 constexpr MotionModel kMotions[] = {MotionModel::kCarDrive, MotionModel::kProcessModel,
                                     MotionModel::kHandheld, MotionModel::kInertialCar};
 
@@ -204,6 +205,11 @@ void checkDriveOptions(const DriveOptions& options) {
   require(options.min_depth < options.max_depth, "option 'min-depth' is '" + number(options.min_depth) +
                                                      "', allowed: below max-depth, " +
                                                      number(options.max_depth) + " m");
+  const double most_stale = kMostStale * O::kStaleSlot * options.frame_rate;
+  require(options.stale_fraction <= most_stale,
+          "option 'stale-fraction' is '" + number(options.stale_fraction) + "', allowed: up to " +
+              number(most_stale) + " at a frame-rate of " + number(options.frame_rate) +
+              " Hz, where half of the frames are stale then");
   if (options.motion == MotionModel::kCarDrive || options.motion == MotionModel::kInertialCar) return;
   require(options.duration > 0.0, "option 'duration' is '0', allowed: above 0 s when motion is " +
                                       std::string(nameOf(options.motion)) + ", which has no laps");

@@ -7,7 +7,6 @@ namespace vi_ekf_slam::simulation {
 namespace {
 
 constexpr double kStaleGap = 0.3;   // s, the least from one stale frame to the next
-constexpr double kStaleSlot = 0.1;  // s, in which stale_fraction counts
 constexpr double kFirstDrift = 0.1; // s for which a drifting track has drifted when it is new
 constexpr double kLn2 = 0.6931471805599453;
 constexpr double kLeastRefill = 0.7; // of features_max
@@ -69,7 +68,7 @@ bool FrontEnd::drawStale() {
     frames_since_stale_ = 0;
     return false;
   }
-  const double mean = kStaleSlot * options_.frame_rate / options_.stale_fraction; // frames
+  const double mean = DriveOptions::kStaleSlot * options_.frame_rate / options_.stale_fraction; // frames
   const double least = std::max(1.0, std::ceil(kStaleGap * options_.frame_rate - 1e-9));
   if (++frames_since_stale_ < least) return false;
   const double hazard = 1.0 / (mean - (least - 1.0));

@@ -88,6 +88,7 @@ void countPlace(const FrameReport& report, SeedResult& result) {
 void judgePath(const PathEstimate& path, SeedResult& result) {
   std::vector<FrameErrors>& frames = result.frames;
   std::size_t nodes = 0, next = 0;
+  double sum = 0.0;
   Eigen::Matrix3Xd truth(3, frames.size()), smoothed = truth;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     FrameErrors& frame = frames[i];
@@ -103,13 +104,13 @@ void judgePath(const PathEstimate& path, SeedResult& result) {
     node.pose_covariance = path.nodes[next].covariance;
     if (frame.stamp == frames.front().stamp) continue; // where the world begins nothing is unknown
     const double nees = poseNees(frame.truth, node).pose;
-    result.node_nees += nees;
-    result.largest_node_nees = std::max(result.largest_node_nees, nees);
+    sum += nees;
+    result.largest_node_nees = std::fmax(result.largest_node_nees, nees);
     ++nodes;
   }
   if (!frames.empty())
     result.smoothed_ate = absoluteTrajectoryError(smoothed, truth, result.inertial.has_value());
-  if (nodes > 0) result.node_nees /= static_cast<double>(nodes);
+  if (nodes > 0) result.node_nees = sum / static_cast<double>(nodes);
 }
 
 SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study) {
@@ -230,7 +231,7 @@ double rmse(const SeedResult& result, double FrameErrors::*member) {
 }
 
 double ate(const SeedResult& result) {
-  if (result.frames.empty()) return 0.0;
+  if (result.frames.empty()) return InertialOutcome::kNever;
   Eigen::Matrix3Xd estimate(3, result.frames.size()), truth = estimate;
   for (std::size_t i = 0; i < result.frames.size(); ++i) {
     estimate.col(static_cast<Eigen::Index>(i)) = result.frames[i].estimate.translation();

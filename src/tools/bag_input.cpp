@@ -10,24 +10,6 @@
 namespace vi_ekf_slam {
 namespace {
 
-template <typename Message>
-const char* typeOf() {
-  return ros::message_traits::datatype<Message>();
-}
-
-/// Topic -> type that it must have.
-std::map<std::string, std::string> expectedTypes(const InputTopics& t) {
-  return {{t.imu, typeOf<sensor_msgs::Imu>()},
-          {t.velocity, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
-          {t.wheel_odometry, typeOf<nav_msgs::Odometry>()},
-          {t.twist_bias, typeOf<geometry_msgs::TwistWithCovarianceStamped>()},
-          {t.features, typeOf<StereoFeatureArray>()},
-          {t.left_info, typeOf<sensor_msgs::CameraInfo>()},
-          {t.right_info, typeOf<sensor_msgs::CameraInfo>()},
-          {"/tf", typeOf<tf2_msgs::TFMessage>()},
-          {"/tf_static", typeOf<tf2_msgs::TFMessage>()}};
-}
-
 std::string listOf(const std::map<std::uint32_t, BagConnection>& connections) {
   std::set<std::string> lines;
   for (const auto& [id, connection] : connections)
@@ -38,18 +20,11 @@ std::string listOf(const std::map<std::uint32_t, BagConnection>& connections) {
   return text;
 }
 
-/// Calls `use` with the message, or throws if the bag's definition of the type is another one.
-template <typename Message, typename Use>
-void instantiate(const BagMessage& message, const Use& use) {
-  use(wire::read<Message>(message));
-}
-
 } // namespace
 
 BagInput::BagInput(const std::string& path, const InputTopics& topics)
     : path_(path), topics_(topics), bag_(path) {
-  const auto expected = expectedTypes(topics_);
-  for (const auto& [topic, type] : expected) requireType(topic, type);
+  for (const auto& [topic, input] : inputs()) requireType(topic, input.type);
   bool usable = false;
   for (const auto& [id, connection] : bag_.connections()) {
     usable = usable || connection.topic == topics_.imu || connection.topic == topics_.velocity ||
@@ -79,64 +54,42 @@ void BagInput::listen(const std::string& topic, const std::string& type,
   listeners_[topic] = std::move(handler);
 }
 
-BagInput::Handler BagInput::handlerFor(const std::string& topic) const {
-  const auto measurement = [](const auto& message, Intake& intake) { intake.add(message); };
-  if (topic == topics_.imu) {
-    return [=](const auto& m, Intake& in) {
-      instantiate<sensor_msgs::Imu>(m, [&](const auto& x) { measurement(x, in); });
-    };
-  }
-  if (topic == topics_.velocity) {
-    return [=](const auto& m, Intake& in) {
-      instantiate<geometry_msgs::TwistWithCovarianceStamped>(m, [&](const auto& x) { measurement(x, in); });
-    };
-  }
-  if (topic == topics_.wheel_odometry) {
-    return [=](const auto& m, Intake& in) {
-      instantiate<nav_msgs::Odometry>(m, [&](const auto& x) { measurement(x, in); });
-    };
-  }
-  if (topic == topics_.twist_bias) {
-    return [](const auto& m, Intake& in) {
-      instantiate<geometry_msgs::TwistWithCovarianceStamped>(m, [&](const auto& x) { in.addTwistBias(x); });
-    };
-  }
-  if (topic == topics_.features) {
-    return [=](const auto& m, Intake& in) {
-      instantiate<StereoFeatureArray>(m, [&](const auto& x) { measurement(x, in); });
-    };
-  }
-  if (topic == topics_.left_info) {
-    return [](const auto& m, Intake& in) {
-      instantiate<sensor_msgs::CameraInfo>(m, [&](const auto& x) { in.addLeftInfo(x); });
-    };
-  }
-  if (topic == topics_.right_info) {
-    return [](const auto& m, Intake& in) {
-      instantiate<sensor_msgs::CameraInfo>(m, [&](const auto& x) { in.addRightInfo(x); });
-    };
-  }
-  const bool is_static = topic == "/tf_static";
-  return [is_static](const auto& m, Intake& in) {
-    instantiate<tf2_msgs::TFMessage>(m, [&](const auto& x) { in.addTransforms(x, is_static); });
-  };
+template <typename Message, typename Use>
+BagInput::Input BagInput::of(const Use& use) {
+  return {ros::message_traits::datatype<Message>(),
+          [use](const BagMessage& m, Intake& intake) { use(wire::read<Message>(m), intake); }};
+}
+
+std::map<std::string, BagInput::Input> BagInput::inputs() const {
+  const auto add = [](const auto& m, Intake& in) { in.add(m); };
+  const auto bias = [](const auto& m, Intake& in) { in.addTwistBias(m); };
+  const auto left = [](const auto& m, Intake& in) { in.addLeftInfo(m); };
+  const auto right = [](const auto& m, Intake& in) { in.addRightInfo(m); };
+  const auto moving = [](const auto& m, Intake& in) { in.addTransforms(m, false); };
+  const auto fixed = [](const auto& m, Intake& in) { in.addTransforms(m, true); };
+  return {{topics_.imu, of<sensor_msgs::Imu>(add)},
+          {topics_.velocity, of<geometry_msgs::TwistWithCovarianceStamped>(add)},
+          {topics_.wheel_odometry, of<nav_msgs::Odometry>(add)},
+          {topics_.twist_bias, of<geometry_msgs::TwistWithCovarianceStamped>(bias)},
+          {topics_.features, of<StereoFeatureArray>(add)},
+          {topics_.left_info, of<sensor_msgs::CameraInfo>(left)},
+          {topics_.right_info, of<sensor_msgs::CameraInfo>(right)},
+          {"/tf", of<tf2_msgs::TFMessage>(moving)},
+          {"/tf_static", of<tf2_msgs::TFMessage>(fixed)}};
 }
 
 void BagInput::feed(Intake& intake, const std::function<bool(double)>& proceed) {
-  std::map<std::string, Handler> handlers;
+  const std::map<std::string, Input> inputs = this->inputs();
   std::set<std::string> names;
-  for (const auto& [name, type] : expectedTypes(topics_)) {
-    handlers[name] = handlerFor(name);
-    names.insert(name);
-  }
+  for (const auto& [name, input] : inputs) names.insert(name);
   for (const auto& [name, listener] : listeners_) names.insert(name);
   try {
     bag_.forEach(names, [&](const BagMessage& message, double done) {
       const std::string& topic = message.connection.topic;
       const auto listener = listeners_.find(topic);
       if (listener != listeners_.end()) listener->second(message);
-      const auto handler = handlers.find(topic);
-      if (handler != handlers.end()) handler->second(message, intake);
+      const auto input = inputs.find(topic);
+      if (input != inputs.end()) input->second.use(message, intake);
       if (on_message_) on_message_(message);
       return proceed(done);
     });

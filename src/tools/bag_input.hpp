@@ -32,10 +32,15 @@ class BagInput {
   void feed(Intake& intake, const std::function<bool(double)>& proceed);
 
  private:
-  using Handler = std::function<void(const BagMessage&, Intake&)>;
+  /// Of a topic: the type that it must have, and who takes its messages.
+  struct Input {
+    std::string type;
+    std::function<void(const BagMessage&, Intake&)> use;
+  };
 
-  Handler handlerFor(const std::string& topic) const;
-
+  template <typename Message, typename Use>
+  static Input of(const Use& use);
+  std::map<std::string, Input> inputs() const;
   void requireType(const std::string& topic, const std::string& type) const;
 
   std::map<std::string, std::function<void(const BagMessage&)>> listeners_;

@@ -291,14 +291,11 @@ std::string monteCarloSummary(const std::vector<SeedResult>& results) {
   text += format("places recognised            on %zu drives, %zu in all, %zu of them wrong\n", with_places,
                  places, wrong);
   text += format("landmarks found again        %.1f a drive\n", static_cast<double>(revisited) / n);
-  double nees = 0.0, largest = 0.0;
-  for (const SeedResult& result : results) {
-    nees += result.node_nees / n;
-    largest = std::max(largest, result.largest_node_nees);
-  }
+  double largest = InertialOutcome::kNever;
+  for (const SeedResult& result : results) largest = std::fmax(largest, result.largest_node_nees);
   text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
                  frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }),
-                 nees, largest);
+                 frameMean(results, [](const SeedResult& r) { return r.node_nees; }), largest);
   text += format("its ATE                      %.3f m, after the same alignment\n",
                  frameMean(results, [](const SeedResult& r) { return r.smoothed_ate; }));
   if (isInertial(results)) text += startsSummary(results);

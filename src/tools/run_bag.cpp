@@ -110,6 +110,7 @@ int check(const RunBagOptions& options) {
     system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
   if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
   if (!options.bag.empty()) BagReader{options.bag};
+  if (!options.output.empty()) RunWriter::requireDirectory(options.output);
   if (!options.config.empty()) std::cout << std::filesystem::absolute(options.config).string() << std::endl;
   return kOk;
 }
@@ -216,30 +217,23 @@ int run(const RunBagOptions& options) {
   }
 
   const MapEstimate estimate = system.estimator().exactMap()();
-  const auto& landmarks = estimate.landmarks;
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  const std::string source = options.config.empty() ? "built-in defaults" : options.config;
-  const RunSummary summary{options.bag,
-                           source,
-                           wall.count(),
-                           system.counts(),
-                           turned_away,
-                           system.checks().noise().streams(),
-                           system.motionText(),
-                           system.estimator().startProblem(),
-                           system.checks().imu().counts(),
-                           system.estimator().rig(),
-                           intake.imuFrame()};
-  writer.writeTrajectory(options.output);
-  writer.writeSmoothed(options.output, estimate.path);
-  writer.writeMap(options.output, landmarks);
-  writer.writeSummary(options.output, summary, landmarks.size());
+  RunSummary summary(system);
+  summary.input = options.bag;
+  summary.config = options.config.empty() ? "built-in defaults" : options.config;
+  summary.wall_s = wall.count();
+  summary.turned_away = turned_away;
+  summary.body = intake.imuFrame();
+  writer.write(options.output, summary, estimate);
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
   if (!options.save_calibration.empty())
     writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
   if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
+  if (!options.load_map.empty() && system.counts().relocalisations == 0)
+    std::cerr << "run_bag: the place in " << options.load_map
+              << " was not found: poses are in a frame of their own" << std::endl;
   if (!options.quiet && images) images->print(std::cout);
-  if (!options.quiet) printSummary(options, writer, summary, landmarks.size());
+  if (!options.quiet) printSummary(options, writer, summary, estimate.landmarks.size());
   if (problem.empty()) return kOk;
   std::cerr << "run_bag: " << problem << std::endl;
   return kInput;

@@ -6,7 +6,7 @@ namespace vi_ekf_slam {
 
 const char* const kRunBagHelp =
     R"(Usage: run_bag IN.bag --output DIR [options]
-       run_bag --check [IN.bag] [--config FILE] [--load-map FILE] [--initial-state FILE]
+       run_bag --check [IN.bag] [--output DIR] [--config FILE] [--load-map FILE] [--initial-state FILE]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
 needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
@@ -33,7 +33,7 @@ needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmar
                        for calibration/file of the next run's configuration
   --load-map FILE      a map.bag to relocalise in, by ids that return or by looks
   --save-features BAG  writes the features that the front end made, and all other inputs, as a bag that needs no front end
-  --check              only looks whether these files can be used, and prints the configuration's absolute path
+  --check              only looks whether these files and DIR can be used, and prints the configuration's absolute path
   --quiet              errors only
   --help               this text
 

@@ -209,15 +209,14 @@ class Soak {
 
   bool finish() {
     RunWriter::makeDirectory(options_.output);
-    writer_.writeTrajectory(options_.output);
-    const auto landmarks = system_.estimator().landmarks();
-    writer_.writeMap(options_.output, landmarks);
-    writer_.writeSummary(
-        options_.output,
-        {"soak", "default", seconds(), system_.counts(), intake_.turnedAway(),
-         system_.checks().noise().streams(), system_.motionText(), system_.estimator().startProblem(),
-         system_.checks().imu().counts(), system_.estimator().rig(), "imu"},
-        landmarks.size());
+    RunSummary summary(system_);
+    summary.input = "soak";
+    summary.config = "default";
+    summary.wall_s = seconds();
+    summary.turned_away = intake_.turnedAway();
+    summary.body = "imu";
+    const MapEstimate map{system_.estimator().landmarks(), system_.estimator().path()};
+    writer_.write(options_.output, summary, map);
     std::ifstream file(options_.output + "/trajectory.tum");
     std::size_t lines = 0;
     for (std::string line; std::getline(file, line);) {
@@ -236,7 +235,7 @@ class Soak {
     std::printf(
         "%zu frames in %.0f s, memory %.1f MB at most, %+.2f %% in the last third, %zu landmarks, %zu "
         "problems\n",
-        frames_, seconds(), peak, 100.0 * growth, landmarks.size(), problems_);
+        frames_, seconds(), peak, 100.0 * growth, map.landmarks.size(), problems_);
     return problems_ == 0;
   }
 

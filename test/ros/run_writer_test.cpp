@@ -156,7 +156,7 @@ TEST_F(RunWriterFiles, map_and_summary_read_back) {
   summary.not_started = "gravity is not explained: 1 m/s^2";
   summary.counts.frames_before_start = 7;
   summary.imu = {1, 2, 3};
-  writer_.writeSummary(directory_, summary, 1);
+  writer_.write(directory_, summary, {{landmark}, {}});
   const YAML::Node node = YAML::LoadFile(directory_ + "/summary.yaml");
   EXPECT_EQ(summary.input, node["input"].as<std::string>());
   EXPECT_EQ(2, node["frames"].as<int>());

@@ -77,6 +77,12 @@ TEST(DriveOptions, ContradictionsAreNamed) {
             std::string::npos);
   EXPECT_NE(check([](auto& o) { o.motion = MotionModel::kProcessModel; }).find("'duration'"),
             std::string::npos);
+  const auto rare = [&check](double rate, double stale) {
+    return check([=](auto& o) { o.frame_rate = rate, o.stale_fraction = stale; });
+  };
+  EXPECT_NE(rare(1.0, 0.09).find("'stale-fraction' is '0.09', allowed: up to 0.05 at a frame-rate of 1 Hz"),
+            std::string::npos);
+  EXPECT_EQ(rare(2.0, 0.09) + rare(1.0, 0.05) + rare(0.5, 0.0) + rare(200.0, 0.3), "");
   EXPECT_NE(check([](auto& o) { o.speed = -3.0; }).find("'speed' is '-3'"), std::string::npos);
 }
 

@@ -93,6 +93,14 @@ TEST(MonteCarlo, MeansAreOverTheSeeds) {
   EXPECT_TRUE(std::isnan(nisPerDof(SeedResult())));
 }
 
+TEST(MonteCarlo, WhatNeverStartedHasNoErrors) {
+  SeedResult never;
+  judgePath({}, never);
+  for (const double figure : {ate(never), never.smoothed_ate, never.node_nees, never.largest_node_nees,
+                              rmse(never, &FrameErrors::smoothed)})
+    EXPECT_TRUE(std::isnan(figure));
+}
+
 TEST(MonteCarlo, CheckPointsReachTheLastFrame) {
   EXPECT_EQ(checkPointFrame(1.0, 101), 100u);
   EXPECT_EQ(checkPointFrame(0.25, 101), 25u);

@@ -64,6 +64,7 @@ TEST(MonteCarloOptions, RatesArePaired) {
   EXPECT_EQ(one_list[0].frame_rate, 20.0);
   EXPECT_EQ(one_list[0].imu_rate, 100.0);
   EXPECT_EQ(drivesOf(parse({"--set", "frame-rate=20"})).size(), 1u);
+  EXPECT_EQ(drivesOf(parse({"--frame-rates", "1,2", "--set", "stale-fraction=0"})).size(), 2u);
 }
 
 TEST(MonteCarloOptions, RefuseWhatCannotBe) {
@@ -86,6 +87,7 @@ TEST(MonteCarloOptions, RefuseWhatCannotBe) {
       {"--frame-rates", "5,"},
       {"--frame-rates", "5,x"},
       {"--frame-rates", "0"},
+      {"--frame-rates", "1,2"}, // nearly all frames would be stale
       {"--imu-rates", "10,0.1"},
       {"--imu-rates", "10", "--plot"},
       {"--start", "self"},
@@ -157,6 +159,7 @@ SeedResult startAfter(double delay, double nees) {
   result.inertial.emplace();
   result.inertial->start_delay = delay;
   result.inertial->first_tilt = 1.5 * nees;
+  result.node_nees = result.largest_node_nees = nees;
   return result;
 }
 
@@ -170,6 +173,7 @@ TEST(MonteCarloReport, WhatNeverStartedIsCountedAndLeftOutOfTheMeans) {
   EXPECT_NE(text.find("not started at all           50 %, not within 2 s 75 %"), std::string::npos) << text;
   EXPECT_NE(text.find("start delay                  1.50 s, at most 2.50 s"), std::string::npos) << text;
   EXPECT_NE(text.find("tilt 9.00"), std::string::npos) << text;
+  EXPECT_NE(text.find("NEES of its nodes 6.000, 8.0 at most"), std::string::npos) << text;
   EXPECT_EQ(text.find("blind time"), std::string::npos) << text;
   EXPECT_EQ(monteCarloSummary({driveOf(6.0)}).find("start delay"), std::string::npos);
 }

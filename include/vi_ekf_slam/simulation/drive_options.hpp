@@ -56,6 +56,7 @@ struct DriveOptions {
   /// Re-detections that repeat the surviving tracks' pixels, in 0.1 s: of the frames at 10 Hz, and as many in
   /// a second at any other rate.
   double stale_fraction = 0.09;
+  static constexpr double kStaleSlot = 0.1; ///< s, in which stale_fraction counts
   bool ids_return = false; ///< whether a landmark that is detected again has its old id
   /// Of the points' log strength, by which they are detected: with 0 one is detected as easily as another,
   /// with 3 it is nearly always the same ones.

@@ -43,9 +43,9 @@ struct SeedResult {
   /// than it was, by more than a metre.
   std::size_t places = 0, wrong_places = 0;
   std::size_t features = 0, features_used = 0;
-  double smoothed_ate = 0.0; ///< m, of the path as it is known at the end
-  /// Of its nodes: NEES of the pose, mean and largest.
-  double node_nees = 0.0, largest_node_nees = 0.0;
+  double smoothed_ate = InertialOutcome::kNever; ///< m, of the path as it is known at the end
+  /// Of its nodes: NEES of the pose, mean and largest; not numbers without any.
+  double node_nees = InertialOutcome::kNever, largest_node_nees = InertialOutcome::kNever;
   std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
 
@@ -95,7 +95,7 @@ std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results);
 
 /// RMS over the frames of `member` of FrameErrors, m.
 double rmse(const SeedResult& result, double FrameErrors::*member);
-/// absoluteTrajectoryError of the drive, m; 0 without an estimate.
+/// absoluteTrajectoryError of the drive, m; not a number without an estimate.
 double ate(const SeedResult& result);
 /// Sum of NIS over sum of its degrees of freedom; not a number when there are none.
 double nisPerDof(const SeedResult& result);

@@ -236,6 +236,21 @@ void RunWriter::writeMap(const std::string& directory, const std::vector<Landmar
   writeFile(pathIn(directory, kLandmarks), text);
 }
 
+RunSummary::RunSummary(const SlamSystem& system)
+    : counts(system.counts()),
+      noise(system.checks().noise().streams()),
+      motion(system.motionText()),
+      not_started(system.estimator().startProblem()),
+      imu(system.checks().imu().counts()),
+      rig(system.estimator().rig()) {}
+
+void RunWriter::write(const std::string& directory, const RunSummary& summary, const MapEstimate& map) const {
+  writeTrajectory(directory);
+  writeSmoothed(directory, map.path);
+  writeMap(directory, map.landmarks);
+  writeSummary(directory, summary, map.landmarks.size());
+}
+
 void RunWriter::writeSummary(const std::string& directory, const RunSummary& summary,
                              std::size_t landmarks) const {
   makeDirectory(directory);

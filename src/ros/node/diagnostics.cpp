@@ -43,6 +43,7 @@ Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const S
   updater_.add("estimator", this, &Diagnostics::estimator);
   updater_.add("divergence", this, &Diagnostics::divergence);
   updater_.add("map", this, &Diagnostics::map);
+  updater_.add("results", this, &Diagnostics::results);
   updater_.add("load", this, &Diagnostics::load);
   updater_.add("dropped", this, &Diagnostics::drops);
 }
@@ -182,6 +183,12 @@ void Diagnostics::map(Status& status) {
     case MapUse::kResumed:
       return status.summary(DiagnosticStatus::OK, "resumed from the saved map");
   }
+}
+
+void Diagnostics::results(Status& status) {
+  const std::string& failure = from_.results.autosaveFailure();
+  if (!failure.empty()) return status.summary(DiagnosticStatus::ERROR, failure);
+  status.summary(DiagnosticStatus::OK, "no autosave has failed");
 }
 
 std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {

@@ -34,17 +34,13 @@ std::function<SavedMap()> Results::mapToKeep() const {
   return maps_.keepsSaved() ? maps_.snapshot(system_.estimator(), maps_.savedPath()) : nullptr;
 }
 
-void Results::write(const RunWriter& writer, const RunSummary& summary, const MapEstimate& map) const {
-  writer.writeTrajectory(output_dir_);
-  writer.writeSmoothed(output_dir_, map.path);
-  RunWriter::writeMap(output_dir_, map.landmarks);
-  writer.writeSummary(output_dir_, summary, map.landmarks.size());
-}
-
 /// Writes a copy beside the work; a slow disk makes the next one late, not the estimate.
 void Results::autosaveIfDue() {
   if (output_dir_.empty() || autosave_period_s_ == 0.0 || service_saves_) return;
-  if (autosave_.valid() && autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+  if (autosave_.valid()) {
+    if (autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+    autosave_failure_ = autosave_.get();
+  }
   // After a day the files are large: saving takes a tenth of the time at most.
   if (secondsSince(last_autosave_) < std::max(autosave_period_s_, kAutosaveCost * autosave_cost_s_)) return;
   last_autosave_ = WorkQueue::Clock::now();
@@ -53,13 +49,16 @@ void Results::autosaveIfDue() {
                            estimate = MapEstimate{system_.estimator().landmarks(), system_.estimator().path()},
                            map = mapToKeep()] {
         const auto start = WorkQueue::Clock::now();
+        std::string failure;
         try {
-          write(writer, summary, estimate);
+          writer.write(output_dir_, summary, estimate);
           if (map) maps_.write(map, maps_.savedPath());
         } catch (const std::exception& e) {
-          ROS_ERROR_STREAM("not saved: " << e.what());
+          failure = std::string("not saved: ") + e.what();
+          ROS_ERROR_STREAM(failure);
         }
         autosave_cost_s_ = secondsSince(start);
+        return failure;
       });
 }
 
@@ -69,7 +68,7 @@ Results::Answer Results::save(const Snapshot& snapshot) {
   Answer answer;
   try {
     std::function<std::string()> write;
-    std::shared_future<void> autosave;
+    std::shared_future<std::string> autosave;
     const bool done = worker_.run([&] {
       write = snapshot();
       autosave = autosave_;
@@ -125,7 +124,7 @@ void Results::saveAtTheEnd() {
   if (autosave_.valid()) autosave_.wait();
   if (output_dir_.empty()) return;
   try {
-    write(writer_, summary_(), {system_.estimator().landmarks(), system_.estimator().path()});
+    writer_.write(output_dir_, summary_(), {system_.estimator().landmarks(), system_.estimator().path()});
     // Takes longer: who ends the node may not wait for it.
     const MapEstimate exact = system_.estimator().exactMap()();
     RunWriter::writeMap(output_dir_, exact.landmarks);

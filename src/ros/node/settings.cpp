@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <set>
+#include <utility>
 
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
@@ -20,6 +21,24 @@ std::string absolutePath(const std::string& path) {
 }
 
 namespace {
+
+/// Of slam.launch: the file that the configuration among the parameters is from.
+constexpr const char* kConfigFile = "config_file";
+
+/// A file that a configuration names is beside it, which the parameters do not know any more.
+void nameFilesBeside(const std::string& config_file, YAML::Node& configuration) {
+  const std::filesystem::path folder = std::filesystem::path(config_file).parent_path();
+  constexpr std::pair<const char*, const char*> kFileKeys[] = {{"inertial", "imu_calibration"},
+                                                               {"calibration", "file"}};
+  const YAML::Node& known = configuration; // constant: to look for a key does not insert it
+  for (const auto& [name, key] : kFileKeys) {
+    const YAML::Node section = known[name];
+    if (!section || !section.IsMap()) continue;
+    const YAML::Node file = section[key];
+    if (file && file.IsScalar() && !file.Scalar().empty())
+      configuration[name][key] = (folder / file.Scalar()).string();
+  }
+}
 
 /// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to
 /// start; a misspelled one of ours is seen.
@@ -46,7 +65,12 @@ FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<s
         not_configuration.insert(name);
       }
     }
+    not_configuration.erase(kConfigFile);
     warnOfForeign(private_nh, not_configuration, known);
+  }
+  if (std::string file; private_nh.getParam(kConfigFile, file)) {
+    file.erase(file.find_last_not_of(" \n") + 1); // a command's output
+    nameFilesBeside(file, configuration);
   }
   return parseFullConfig(configuration, "parameters of " + private_nh.getNamespace());
 }
@@ -54,10 +78,10 @@ FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<s
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   NodeSettings settings;
   settings.source = "parameters of " + private_nh.getNamespace();
-  // config_file is slam.launch's, diagnostic_period diagnostic_updater's, tuning dynamic_reconfigure's.
+  // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
   settings.config =
       readConfiguration(private_nh, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
-                                     "config_file", "initial_state", "diagnostic_period", "tuning"});
+                                     "initial_state", "diagnostic_period", "tuning"});
   applyStored(private_nh, settings.config);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
     throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");

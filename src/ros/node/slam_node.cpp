@@ -44,7 +44,7 @@ SlamNode::SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
           [this] { return system_.estimator().landmarks(); }, [this] { return system_.estimator().path(); }),
       worker_({settings_.config.ros.max_latency_s, 3 * Subscriptions::kQueueSize,
                settings_.config.ros.max_features}),
-      diagnostics_(nh, private_nh, {system_, intake_, publishers_, worker_.queue()}),
+      diagnostics_(nh, private_nh, {system_, intake_, publishers_, worker_.queue(), results_}),
       results_(settings_, maps_, system_, worker_, [this] { return summary(); }),
       arrival_check_(settings_.config.core.buffer.max_delay_s),
       subscriptions_(nh, worker_.queue()) {
@@ -275,17 +275,13 @@ void SlamNode::warn() {
 }
 
 RunSummary SlamNode::summary() const {
-  return {"topics",
-          settings_.source,
-          secondsSince(watch_.start),
-          system_.counts(),
-          diagnostics_.allTurnedAway(),
-          system_.checks().noise().streams(),
-          system_.motionText(),
-          system_.estimator().startProblem(),
-          system_.checks().imu().counts(),
-          system_.estimator().rig(),
-          intake_.imuFrame()};
+  RunSummary summary(system_);
+  summary.input = "topics";
+  summary.config = settings_.source;
+  summary.wall_s = secondsSince(watch_.start);
+  summary.turned_away = diagnostics_.allTurnedAway();
+  summary.body = intake_.imuFrame();
+  return summary;
 }
 
 void SlamNode::finish() {

@@ -15,6 +15,9 @@ namespace vi_ekf_slam {
 
 /// What a run's summary.yaml says beside the results themselves.
 struct RunSummary {
+  RunSummary() = default;
+  explicit RunSummary(const SlamSystem& system); ///< with what it tells
+
   std::string input;   ///< bag, or topics when live
   std::string config;  ///< file or parameter namespace
   double wall_s = 0.0; ///< s of wall time that the run took
@@ -77,10 +80,10 @@ class RunWriter {
   /// Throws unless `directory` is there or can be made, which a long run wants to know early; makes none, so
   /// that a run without results leaves no folder.
   static void requireDirectory(const std::string& directory);
+  void write(const std::string& directory, const RunSummary& summary, const MapEstimate& map) const; ///< all
   void writeTrajectory(const std::string& directory) const;
   void writeSmoothed(const std::string& directory, const PathEstimate& path) const;
   static void writeMap(const std::string& directory, const std::vector<LandmarkEstimate>& landmarks);
-  void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 
  private:
   struct Run {
@@ -93,6 +96,7 @@ class RunWriter {
   static void writeRun(const std::string& directory, const Run& run);
   static void writeSmoothed(const std::string& directory, const RunRecords& records,
                             const PathEstimate& path);
+  void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 
   std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
   std::vector<Run> runs_{{RunRecords(spool_)}};

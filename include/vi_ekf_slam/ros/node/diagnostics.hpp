@@ -10,6 +10,7 @@
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
+#include "vi_ekf_slam/ros/node/results.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
 #include "vi_ekf_slam/ros/output/publishers.hpp"
 
@@ -38,6 +39,7 @@ class Diagnostics {
     const Intake& intake;
     const Publishers& publishers;
     const WorkQueue& queue;
+    const Results& results;
   };
 
   Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources);
@@ -66,6 +68,7 @@ class Diagnostics {
   void estimator(Status& status);
   void divergence(Status& status);
   void map(Status& status);
+  void results(Status& status);
   void load(Status& status);
   void drops(Status& status);
 

@@ -33,6 +33,8 @@ class Results {
   /// Earlier poses are in another frame, or of another start.
   void restart(std::optional<PathEstimate> path = std::nullopt) { writer_.restart(std::move(path)); }
   void autosaveIfDue();
+  /// Why the last autosave could not; empty: nothing.
+  const std::string& autosaveFailure() const { return autosave_failure_; }
 
   // In any other thread.
   Answer saveTrajectory();
@@ -51,7 +53,6 @@ class Results {
 
   Answer save(const Snapshot& snapshot);
   std::function<SavedMap()> mapToKeep() const;
-  void write(const RunWriter& writer, const RunSummary& summary, const MapEstimate& map) const;
 
   std::string output_dir_;
   double autosave_period_s_;
@@ -61,7 +62,8 @@ class Results {
   std::function<RunSummary()> summary_;
   RunWriter writer_;
   WorkQueue::Clock::time_point last_autosave_ = WorkQueue::Clock::now();
-  std::shared_future<void> autosave_;
+  std::shared_future<std::string> autosave_; ///< why it could not
+  std::string autosave_failure_;             ///< of the one before
   std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
   std::atomic<bool> service_saves_{false};   ///< set by the worker: no autosave begins
   std::string failure_;

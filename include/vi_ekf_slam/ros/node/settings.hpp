@@ -22,8 +22,8 @@ struct NodeSettings {
   std::optional<InitialState> initial_state; ///< of ~initial_state
 };
 
-/// The configuration among the parameters below `private_nh`. What is neither it nor one of the `known` names
-/// is warned of. Throws ConfigError.
+/// The configuration among the parameters below `private_nh`; files that it names are beside ~config_file,
+/// where that is set. What is neither it nor one of the `known` names is warned of. Throws ConfigError.
 FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<std::string>& known);
 
 /// Throws ConfigError, or std::runtime_error when output_dir cannot be made.

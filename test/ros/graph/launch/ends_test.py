@@ -3,11 +3,13 @@
 
 import os
 import signal
+import subprocess
 import sys
 
 import rostest
 
-from launch_runner import PACKAGE, LaunchRunner, processes_with
+import drive_data
+from launch_runner import LIMIT, PACKAGE, LaunchRunner, processes_with
 from waiting import wait_for
 
 
@@ -44,6 +46,14 @@ class Ends(LaunchRunner):
         self.check_refused("none.bag", "bag:=drive.bag", "map_file:=none.bag")
         self.check_refused("none.bag", "map_file:=none.bag", "output_dir:=run")
 
+    def test_a_folder_that_cannot_be_made(self):
+        """With a bag, and live. The look at one that can be made leaves none."""
+        self.check_refused("/proc/none: cannot be created", "bag:=drive.bag", "output_dir:=/proc/none", "record:=true")
+        self.check_refused("drive.bag/run: cannot be created", "output_dir:=drive.bag/run")
+        subprocess.run([drive_data.program("run_bag"), "--check", "--output", os.path.join(self.folder, "new", "run")],
+                       check=True, timeout=LIMIT)
+        self.assertEqual(["drive.bag"], os.listdir(self.folder))
+
     def test_an_initial_state_that_is_none(self):
         """With a bag, and live; nor is one of use to another motion model."""
         self.check_refused("none.yaml", "bag:=drive.bag", "initial_state:=none.yaml")
@@ -58,9 +68,9 @@ class Ends(LaunchRunner):
 
     def test_a_node_that_cannot_start_leaves_no_player(self):
         """The player waits for its listeners then, and hears no signal."""
-        status, said = self.launch("bag:=drive.bag", "config:=" + self.config, "output_dir:=/proc/none", "record:=true",
+        status, said = self.launch("bag:=drive.bag", "config:=" + self.config, "autosave_period:=-1", "record:=true",
                                    "record_path:=outputs.bag")
-        self.assertIn("/proc/none", said)
+        self.assertIn("autosave_period must be", said)
         self.assertIn("REQUIRED process [slam", said)
         self.assertEqual([], processes_with(self.folder))
         self.assertEqual(["drive.bag"], os.listdir(self.folder))

@@ -122,6 +122,15 @@ class Launches(LaunchRunner):
         self.assertLessEqual(ours, set(names.values()) | {"/rosout", "/clock"})
         self.stop(process)
 
+    def test_a_configuration_names_files_beside_it(self):
+        """Node and nodelet find them, wherever they run."""
+        config = self.config_with_a_file_beside_it()
+        for nodelet in ("false", "true"):
+            process = self.start("config:=" + config, "nodelet:=" + nodelet)
+            self.wait(lambda: self.runs("/slam"), process)
+            self.stop(process)
+            self.wait(lambda: "/slam" not in state())
+
     def test_foreign_parameters_are_a_warning(self):
         """Named; the node starts."""
         heard = []

@@ -6,7 +6,7 @@ import signal
 import sys
 
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from node_runner import START, NodeRunner, bound_files
 
@@ -108,6 +108,17 @@ class Ending(NodeRunner):
             file.write("in the way")
         node.send_signal(signal.SIGINT)
         self.assertEqual(1, node.wait(20))
+
+    def test_an_autosave_that_fails_is_in_the_diagnostics(self):
+        """Where a robot is watched."""
+        folder = os.path.join(self.output, "run")
+        reports = self.listen("/diagnostics", DiagnosticArray)
+        self.start_node(output_dir=folder, autosave_period=0.1, diagnostic_period=0.1)
+        with open(folder, "w", encoding="ascii") as file:
+            file.write("in the way")
+        self.play_and_hear()
+        self.wait_for(lambda: any(status.name.endswith(": results") and status.level == DiagnosticStatus.ERROR
+                                  and "not saved" in status.message for report in list(reports) for status in report.status))
 
     def test_a_period_that_is_none_is_refused(self):
         """Named with what is allowed."""

@@ -93,7 +93,8 @@ class Images(LaunchRunner):
         return {pair.key: pair.value for pair in found[-1].values} if found else {}
 
     def test_slam_launch_computes_what_run_bag_computes(self):
-        """Byte for byte, as nodes and as nodelets of one manager."""
+        """Byte for byte, as nodes and as nodelets of one manager, with a file that the configuration names beside it."""
+        self.config = self.config_with_a_file_beside_it()
         expected, _ = self.run_bag()
         self.assertEqual(FRAMES, len(read(expected, "trajectory.tum").splitlines()))
         for kind in ("false", "true"):

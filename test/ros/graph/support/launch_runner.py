@@ -15,6 +15,8 @@ import drive_data
 
 PACKAGE = "vi_ekf_slam"
 LIMIT = 60.0  # s
+IMU_CALIBRATION = ("{gyroscope_noise_density: 1.0e-4, accelerometer_noise_density: 1.0e-3, "
+                   "gyroscope_random_walk: 1.0e-5, accelerometer_random_walk: 1.0e-3}\n")
 
 
 def free_port():
@@ -47,6 +49,15 @@ class LaunchRunner(unittest.TestCase):
         self.bag = os.path.join(self.folder, "drive.bag")
         self.config = os.path.join(os.path.dirname(os.path.abspath(__file__)), "test_config.yaml")
         drive_data.write_bag(self.bag, drive_data.drive(gyro_per_frame=2))
+
+    def config_with_a_file_beside_it(self):
+        """Path of the test's configuration, with the name of an IMU's calibration that is in the same folder."""
+        with open(self.config, encoding="ascii") as file:
+            text = file.read() + "inertial: {imu_calibration: imu.yaml}\n"
+        for name, content in (("mine.yaml", text), ("imu.yaml", IMU_CALIBRATION)):
+            with open(os.path.join(self.folder, name), "w", encoding="ascii") as file:
+                file.write(content)
+        return os.path.join(self.folder, "mine.yaml")
 
     def start(self, *arguments, own_master=False):
         """roslaunch as a process; its output is piped."""
