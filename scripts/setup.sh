@@ -15,13 +15,13 @@ packages=(
   libbenchmark-dev libboost-program-options-dev libbz2-dev libcv-bridge-dev libdiagnostic-updater-dev
   libdynamic-reconfigure-config-init-mutex-dev libeigen3-dev libgl1-mesa-dri libgtest-dev libimage-transport-dev libnodelet-dev
   libnodeletlib-dev libnodeletlib-tools libopencv-dev librosbag-dev librosbag-storage-dev libroslz4-dev librostest-dev
-  libtf2-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
+  libtf-dev libtf2-dev libtf2-msgs-dev libtf2-ros-dev libyaml-cpp-dev
   python3-diagnostic-msgs python3-dynamic-reconfigure python3-geometry-msgs python3-matplotlib python3-nav-msgs
   python3-numpy python3-opencv python3-pil python3-pytest python3-python-qt-binding python3-rosbag python3-roslaunch python3-rosnode python3-rosparam
   python3-rospy python3-rosservice python3-rostest python3-rostopic python3-rviz python3-scipy
   python3-sensor-msgs python3-setuptools python3-std-srvs python3-tf2-ros python3-tqdm
   python3-visualization-msgs python3-yaml
-  ros-base-dev ros-robot-state-publisher rosbash rviz xvfb
+  ros-base-dev ros-robot-state-publisher rosbash rviz tf-tools tf2-tools xvfb
 )
 read -r -a more_packages <<<"${MORE_PACKAGES:-}"
 packages+=("${more_packages[@]}")

@@ -2,6 +2,8 @@
 
 import argparse
 
+import numpy as np
+
 from vi_ekf_slam.bag import converter
 from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.common.errors import InputError
@@ -11,7 +13,7 @@ from vi_ekf_slam.dataset import degradation
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
 from vi_ekf_slam.dataset.synthetic_traffic import add_traffic
-from vi_ekf_slam.dataset.truth import load_truth
+from vi_ekf_slam.dataset.truth import STAMP_TOLERANCE, load_truth, sample_poses
 
 GOOD_VELOCITY_SIGMA = 0.1  # m/s
 GOOD_GYRO_SIGMA = 0.01  # rad/s
@@ -51,11 +53,17 @@ def make_parser():
 
 
 def load_drive(path, truth_path):
-    """(dataset, ids, truth) of a drive as it is, cut to where its truth ends."""
+    """(dataset, ids, truth) of a drive as it is, cut to where its truth ends.
+
+    The truth is at the frames' own stamps where it reaches all of them, else as it is in the file.
+    """
     dataset = load_dataset(path)
     ids = assign_ids(dataset.features, dataset.seen).ids
     truth = load_truth(truth_path, dataset.stamps, dataset.cam_T_imu)
-    return degradation.cut_to(dataset, ids, len(truth[0])) + (truth,)
+    frames = int(np.sum(dataset.stamps <= truth[0][-1] + STAMP_TOLERANCE))
+    dataset, ids = degradation.cut_to(dataset, ids, frames)
+    reached, poses = sample_poses(*truth, dataset.stamps)
+    return dataset, ids, (dataset.stamps, poses) if reached.all() else truth
 
 
 def degraded(options, drive):

@@ -20,11 +20,12 @@ class Reference:
         self.frame_stamps, self.cam_T_imu, self.truth, self.camera = frame_stamps, cam_T_imu, truth, camera
 
 
-def read_reference(path):
+def read_reference(path, imu=None):
     """Read a bag as dataset_to_bag.py writes them.
 
-    The camera's frame is the one that /features names, or else /left/camera_info, and the IMU's the one that /imu names; the extrinsic is the
-    transform between the two on /tf_static, directly or as a chain.
+    The camera's frame is the one that /features names, or else /left/camera_info, and the IMU's is `imu` or, where that
+    is None or nothing connects it, the one that /imu names; the extrinsic is the transform between the two on
+    /tf_static, directly or as a chain.
     """
     stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
     with open_bag(path) as bag:
@@ -42,7 +43,10 @@ def read_reference(path):
             if topic in stamps:
                 stamps[topic].append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
     camera = FEATURES if stamps[FEATURES] else INFO
-    return Reference(np.array(stamps[camera]), _extrinsic(transforms, frames.get(camera), frames.get("/imu")), truth, frames.get(camera))
+    name = frames.get(camera)
+    found = (_extrinsic(transforms, name, frame) for frame in (imu if imu != name else None, frames.get("/imu")))
+    extrinsic = next((matrix for matrix in found if matrix is not None), None)
+    return Reference(np.array(stamps[camera]), extrinsic, truth, name)
 
 
 def _read_path(message):

@@ -2,12 +2,14 @@
 
 A transform `a_T_b` is 4 x 4 and takes homogeneous points from frame b to frame a. Twists are (v, w): m/s and rad/s, in
 this order. Quaternions are (x, y, z, w), as in geometry_msgs. Functions accept leading batch dimensions where noted.
-Exponentials: Barfoot, State Estimation for Robotics (2017), eq. 7.14 and 7.37.
+Exponentials: Barfoot, State Estimation for Robotics (2017), eq. 7.14, 7.37 and 7.95.
 """
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+# Axes of a body (x forward, y left, z up) from those of a camera on it that looks ahead (x right, y down, z forward).
+BODY_R_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 SMALL_ANGLE = 1e-6  # rad; below it the series' next term is under one rounding of a double
 
 
@@ -43,6 +45,15 @@ def se3_exp(xi):
     transform[:3, :3] += a * cross + b * square
     transform[:3, 3] = (np.eye(3) + b * cross + c * square) @ rho
     return transform
+
+
+def se3_log(transform):
+    """The twist times time of a transform, of which se3_exp makes it: eq. 7.95 solved for the translation."""
+    phi = so3_log(transform[:3, :3])
+    angle = np.linalg.norm(phi)
+    cross = hat(phi)
+    factor = 1.0 / 12.0 if angle < 1e-4 else 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle))
+    return np.concatenate([(np.eye(3) - 0.5 * cross + factor * cross @ cross) @ transform[:3, 3], phi])
 
 
 def make_transform(rotation, translation):

@@ -7,7 +7,7 @@ comes from a seed. Truth is a pair (stamps, poses) as truth.load_truth gives it:
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, so3_log
+from vi_ekf_slam.common.geometry import inverse, se3_log
 from vi_ekf_slam.dataset.loader import Dataset
 
 
@@ -83,7 +83,7 @@ def good_twist(dataset, truth, velocity_sigma, gyro_sigma, seed):
     twist = np.empty((6, len(stamps)))
     for k in range(len(stamps)):
         before, after = max(k - 1, 0), min(k + 1, last)
-        twist[:, k] = _se3_log(inverse(poses[before]) @ poses[after]) / (stamps[after] - stamps[before])
+        twist[:, k] = se3_log(inverse(poses[before]) @ poses[after]) / (stamps[after] - stamps[before])
     noise = random.normal(size=twist.shape) * np.repeat([velocity_sigma, gyro_sigma], 3)[:, None]
     twist += noise
     return Dataset(**{**vars(dataset), "linear_velocity": twist[:3], "angular_velocity": twist[3:]})
@@ -94,15 +94,6 @@ def require_truth(dataset, stamps):
     if len(stamps) != dataset.frames or np.abs(stamps - dataset.stamps).max() > 1e-6:
         raise InputError("%s: the truth has %d poses, allowed: one for each of the %d frames"
                          % (dataset.name, len(stamps), dataset.frames))
-
-
-def _se3_log(transform):
-    """Twist (v, w) times 1 s of a transform; Barfoot eq. 7.95 solved for the translation."""
-    phi = so3_log(transform[:3, :3])
-    angle = np.linalg.norm(phi)
-    cross = np.array([[0.0, -phi[2], phi[1]], [phi[2], 0.0, -phi[0]], [-phi[1], phi[0], 0.0]])
-    factor = 1.0 / 12.0 if angle < 1e-4 else 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle))
-    return np.concatenate([(np.eye(3) - 0.5 * cross + factor * cross @ cross) @ transform[:3, 3], phi])
 
 
 def _select(frames, is_kept):

@@ -1,17 +1,13 @@
 """Pictures of an evaluation over time and over distance. Figures of matplotlib, without a display."""
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
 
-matplotlib.use("Agg")  # files only; a machine without a display must do
-
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-from matplotlib.ticker import ScalarFormatter  # noqa: E402
-
-from vi_ekf_slam.evaluation.consistency import POSE_AXES, chi_square_bounds  # noqa: E402
-from vi_ekf_slam.evaluation.metrics import KITTI_LENGTHS, mean_kitti_errors  # noqa: E402
-from vi_ekf_slam.evaluation.run_io import FRAME_TIME  # noqa: E402
-from vi_ekf_slam.evaluation.top_view import DEAD_RECKONING_ON_TOP, SLAM_STYLE  # noqa: E402
+from vi_ekf_slam.evaluation.consistency import POSE_AXES, chi_square_bounds
+from vi_ekf_slam.evaluation.metrics import KITTI_LENGTHS, mean_kitti_errors
+from vi_ekf_slam.evaluation.run_io import FRAME_TIME
+from vi_ekf_slam.evaluation.top_view import DEAD_RECKONING_ON_TOP, SLAM_STYLE
 
 NEES_FLOOR = 0.1  # of the axis; below it an error is of no interest
 START_S = 10.0  # s at the beginning that have panels of their own, in drives that are three times as long at least

@@ -3,22 +3,18 @@
 import argparse
 import os
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-matplotlib.use("Agg")  # files only; a machine without a display must do
-
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-from matplotlib.patches import Rectangle  # noqa: E402
-
-from vi_ekf_slam.bag.limits import require_bounded_chunks  # noqa: E402
-from vi_ekf_slam.bag.opening import open_bag  # noqa: E402
-from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
-from vi_ekf_slam.common.errors import InputError  # noqa: E402
-from vi_ekf_slam.common.exit_status import exit_status  # noqa: E402
-from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
-from vi_ekf_slam.evaluation.run_io import LANDMARK_COLUMNS, read_run  # noqa: E402
-from vi_ekf_slam.evaluation.top_view import view_limits  # noqa: E402
+from vi_ekf_slam.bag.limits import require_bounded_chunks
+from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.common.csv_columns import read_columns
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output, replacing
+from vi_ekf_slam.evaluation.run_io import LANDMARK_COLUMNS, read_run
+from vi_ekf_slam.evaluation.top_view import plain, view_limits
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
 LEAST_FRAMES = 10  # landmarks that were seen less often blur any map
@@ -94,7 +90,7 @@ def draw(maps, names, selected, zoom):
             plot.set_axisbelow(True)
             plot.set_xlabel("x, seen from above (m)")
             plot.set_ylabel("y, seen from above (m)")
-        axes[0, column].set_title(name, fontsize=12)
+        axes[0, column].set_title(plain(name), fontsize=12)
         (x_low, x_high), (y_low, y_high) = zoom
         axes[0, column].add_patch(Rectangle((x_low, y_low), x_high - x_low, y_high - y_low, fill=False, linewidth=1.2))
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="lower center", ncol=3, frameon=False, markerscale=3)

@@ -4,7 +4,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.common.geometry import inverse, make_transform
+from vi_ekf_slam.common.geometry import inverse, make_transform, nearest_rotation
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)  # m
 KITTI_STEP = 10  # frames between the starts of sub-sequences
@@ -24,8 +24,7 @@ def rigid_alignment(source, target):
     """
     source, target = _same_length(source, target, (3,))
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - target_mean).T @ (source - source_mean))
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    rotation = nearest_rotation((target - target_mean).T @ (source - source_mean))
     return make_transform(rotation, target_mean - rotation @ source_mean)
 
 

@@ -19,6 +19,7 @@ def pictures_of_run(result):
     """(name, Figure) of everything that a report.Result allows to draw, one after the other."""
     from vi_ekf_slam.evaluation import graphs, top_view
     subject, run = result.subject, result.subject.run
+    name = top_view.plain(subject.name)
     slam = subject.poses[:, :3, 3]
     dead = subject.dead_reckoning[1][:, :3, 3] if subject.dead_reckoning else None
     truth = None
@@ -26,26 +27,26 @@ def pictures_of_run(result):
         truth = anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge)[:, :3, 3]
     if result.slam:
         yield ("trajectory", top_view.draw_alignments(
-            "%s, seen from above" % subject.name, list(zip(panel_titles(result.slam, result.dead_reckoning),
-                                                           _alignments(subject, slam, dead, truth)))))
+            "%s, seen from above" % name, list(zip(panel_titles(result.slam, result.dead_reckoning),
+                                                   _alignments(subject, slam, dead, truth)))))
     else:
-        yield ("trajectory", top_view.draw_run(subject.name, slam, dead, truth, (), ()))
+        yield ("trajectory", top_view.draw_run(name, slam, dead, truth, (), ()))
     if run and len(run.landmarks):
         note = "" if truth is None else ", the truth from a common start"
-        figure = top_view.draw_run(subject.name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
+        figure = top_view.draw_run(name + ": landmarks from above" + note, slam, None, truth, run.landmarks,
                                    run.horizontal_deviations(), run.landmark_covariances)
         yield ("landmarks", figure)
     if result.consistency:
         what = ": pose of the IMU, error and 3-sigma bounds about the world's axes" if subject.truth is not None else \
             ": pose of the IMU, 3-sigma bounds about the world's axes (no truth)"
-        yield ("errors", graphs.draw_errors(subject.name + what, result.consistency))
+        yield ("errors", graphs.draw_errors(name + what, result.consistency))
     if subject.frames:
-        yield ("frames", graphs.draw_frames(subject.name + ": stereo frames", subject.frames))
+        yield ("frames", graphs.draw_frames(name + ": stereo frames", subject.frames))
     if result.slam:
         judged = [("SLAM", result.slam)] + ([("smoothed", result.smoothed)] if result.smoothed else [])
         lines = graphs.drift_lines(result.dead_reckoning, judged)
         yield ("drift", graphs.draw_drift(
-            "%s: drift of the %s from a common start" % (subject.name, result.slam.body), lines))
+            "%s: drift of the %s from a common start" % (name, result.slam.body), lines))
 
 
 def _alignments(subject, slam, dead, truth):
@@ -83,9 +84,10 @@ def pictures_of_comparison(results):
     repeats = _repeats(alike)
     for result, style in zip(alike, graphs.line_styles(len(alike), repeats)):
         subject = result.subject
-        lines.append((subject.name, anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3], style))
+        positions = anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3]
+        lines.append((top_view.plain(subject.name), positions, style))
     yield ("comparison", top_view.draw_trajectories("%d runs from a common start" % len(alike), lines))
-    judged = [(r.subject.name, r.slam) for r in alike if r.slam]
+    judged = [(top_view.plain(r.subject.name), r.slam) for r in alike if r.slam]
     repeats = [repeat for repeat, r in zip(repeats, alike) if r.slam]
     if judged:
         dead = next((r.dead_reckoning for r in alike if r.dead_reckoning), None)

@@ -19,7 +19,7 @@ from vi_ekf_slam.evaluation.pictures import (
     save_pictures,
 )
 from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
-from vi_ekf_slam.evaluation.run_inputs import default_names, find_truth, of_body, read_bag, read_subject
+from vi_ekf_slam.evaluation.run_inputs import body_of, default_names, find_truth, of_body, read_bag, read_subject
 from vi_ekf_slam.evaluation.trajectory_export import export
 
 LEAST_MATCHED = 0.95  # of the poses; where fewer have truth beside them a remark says so
@@ -80,9 +80,11 @@ def run_evaluation(options):
     names = _for_each(options.name, options.runs, "--name", shared=False) or default_names(options.runs)
     if len({_file_name(name) for name in names}) < len(names):
         raise InputError("two runs have the same name (%s), allowed: --name with another for each" % ", ".join(names))
+    bodies = [body_of(run) for run in options.runs]
+    known = next(filter(None, bodies), None)  # of trajectory files beside a run too
     results = [_judge(*arguments, options) for arguments in
                zip(options.runs, names, _for_each(options.bag, options.runs, "--bag"),
-                   _for_each(options.truth, options.runs, "--truth"))]
+                   _for_each(options.truth, options.runs, "--truth"), [body or known for body in bodies])]
     folders = [_folder(options, result.subject, len(results)) for result in results]
     for folder in filter(None, folders):
         check_output(os.path.join(folder, "evaluation.json"))
@@ -119,13 +121,13 @@ def _for_each(values, runs, option, shared=True):
                      % (option, len(values), "once or " if shared else "", len(runs)))
 
 
-def _judge(path, name, bag, truth_file, options):
-    """Result of one run or trajectory file."""
+def _judge(path, name, bag, truth_file, body, options):
+    """Result of one run or trajectory file. body: of read_bag."""
     if options.truth_body and not truth_file:
         raise InputError("--truth-body needs --truth")
     if options.export_kitti and not bag:
         raise InputError("--export-kitti needs --bag: the files hold poses of the left camera")
-    reference = read_bag(bag)
+    reference = read_bag(bag, body)
     subject = read_subject(path, name, reference, options.trajectory_body, options.gauge)
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)

@@ -9,7 +9,7 @@ from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.dataset.truth import load_truth
 from vi_ekf_slam.evaluation.gauge import gauge_of
-from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run
+from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run, read_summary
 
 
 class Subject:
@@ -35,12 +35,17 @@ class Subject:
         return self.run.summary if self.run else {}
 
 
-def read_bag(path):
-    """bag.reader.Reference of a bag, or None for no path."""
+def read_bag(path, body=None):
+    """bag.reader.Reference of a bag, or None for no path. body: the IMU's frame, of body_of; None: that of /imu."""
     if not path:
         return None
     from vi_ekf_slam.bag.reader import read_reference  # needs ROS, the rest does not
-    return read_reference(path)
+    return read_reference(path, body)
+
+
+def body_of(path):
+    """The frame whose poses a run directory holds, or None where that is not known."""
+    return (os.path.isdir(path) and read_summary(os.path.join(path, "summary.yaml")).get("body")) or None
 
 
 def find_truth(path, body, stamps, reference, gauge="pose"):

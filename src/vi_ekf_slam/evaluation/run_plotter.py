@@ -38,7 +38,7 @@ def plot_run(options):
         raise InputError("--truth-body needs --truth")
     run = read_run(options.run, options.dead_reckoning)
     outputs = _outputs(options)
-    reference = read_bag(options.bag)
+    reference = read_bag(options.bag, run.summary.get("body"))
     gauge = gauge_of(run.summary)
     truth = find_truth(options.truth, options.truth_body, run.stamps, reference, gauge)
     truth, cam_T_imu = of_body(truth, reference, run.summary)
@@ -55,8 +55,8 @@ def plot_run(options):
         truth_line = anchor_truth(truth, run.stamps, run.poses, gauge)[:, :3, 3]
 
     from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
-    figure = top_view.draw_run(title, run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line, run.landmarks,
-                               run.horizontal_deviations(), smoothed=run.smoothed and run.smoothed[1][:, :3, 3])
+    figure = top_view.draw_run(top_view.plain(title), run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line,
+                               run.landmarks, run.horizontal_deviations(), smoothed=run.smoothed and run.smoothed[1][:, :3, 3])
     for path, kind in outputs:
         with replacing(path) as stream:
             top_view.save(figure, stream, kind)

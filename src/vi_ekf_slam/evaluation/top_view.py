@@ -1,15 +1,12 @@
 """Draw runs from above: trajectories, truth and the landmark map with its covariances."""
 
 import matplotlib
-
-matplotlib.use("Agg")  # files only; a machine without a display must do
-
-import numpy as np  # noqa: E402
-from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
-from matplotlib.collections import LineCollection  # noqa: E402
-from matplotlib.colors import LogNorm  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter  # noqa: E402
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 MARGIN = 0.12  # of the trajectories' larger extent, around them
 MIN_MARGIN = 0.1  # m
@@ -45,6 +42,11 @@ def count_outside(points, limits):
     (x_min, x_max), (y_min, y_max) = limits
     x, y = points[:, 0], points[:, 1]
     return int(np.sum(~((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max))))
+
+
+def plain(name):
+    """A name as text of a picture, which takes what is between dollars for mathematics."""
+    return name.replace("$", r"\$")
 
 
 def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None, smoothed=None):

@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, make_transform, so3_exp
+from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, inverse, make_transform, so3_exp
 from vi_ekf_slam.recordings import truth_poses
 from vi_ekf_slam.recordings.image_files import Faults, image_size, list_images, whole_pairs
 from vi_ekf_slam.recordings.kitti_files import Calibration, read_lines, read_oxts, read_timestamps
@@ -17,8 +17,6 @@ ODOMETRY_START = 10**9  # ns, added to times.txt: ROS takes a stamp of zero for 
 # the earth's surface and upwards.
 LATITUDE, LONGITUDE, ALTITUDE, ROLL, PITCH, YAW = range(6)
 LEVEL_VELOCITY, ACCELERATION, RATE = slice(8, 11), slice(11, 14), slice(17, 20)
-# Optical axes (x right, y down, z forward) on a body with x forward, y left, z up.
-BODY_R_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def load_kitti_raw(folder, options):

@@ -9,7 +9,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from vi_ekf_slam.common.geometry import hat, so3_log
+from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, hat, nearest_rotation, so3_log
 
 Alignment = namedtuple("Alignment", "offset offset_sigma correlation correlations scale mirrored camera gyro sigma index times")
 Alignment.__doc__ = """offset, offset_sigma s. correlation: of the rates after alignment, 1 is perfect; correlations: (offsets (M,),
@@ -24,9 +24,14 @@ LEAST_STEPS = 20
 MIRRORED = 0.05  # by which a reflection must fit better, in correlation
 
 
+def cumulative_integral(t, values):
+    """Of values (N, M) at t (N,), from t[0] on, by trapezoids."""
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None], axis=0)])
+
+
 def mean_rate(stamps, rates, begin, end):
     """(N, 3) rad/s, mean of sampled rates between begin and end (N,) s, linear between samples; NaN outside of them."""
-    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(stamps)[:, None], axis=0)])
+    integral = cumulative_integral(stamps, rates)
 
     def at(t):
         k = np.clip(np.searchsorted(stamps, t, side="right") - 1, 0, len(stamps) - 2)
@@ -60,8 +65,7 @@ def rotation_near(camera, gyro, sigma, prior, prior_sigma=1.0):
 
     prior_sigma rad: weak beside any turn that is seen. A constant C' minimises sum |c - C g|^2 / sigma^2 + |C - prior|^2 / prior_sigma^2.
     """
-    u, _, vt = np.linalg.svd(camera.T @ gyro / sigma**2 + prior / prior_sigma**2)
-    return u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return nearest_rotation(camera.T @ gyro / sigma**2 + prior / prior_sigma**2)
 
 
 def align(motion, stamps, gyro):
@@ -128,11 +132,6 @@ def misalignment(alignment, stated):
     return float(np.linalg.norm(error)), float(np.sqrt(max(0.0, error @ information @ error))), found
 
 
-def optical_R_body():
-    """Optical axes (x right, y down, z forward) seen from those of a body (x forward, y left, z up)."""
-    return np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-
-
 def axis_turns():
     """The 23 rotations but the identity that exchange axes, those that move least first."""
     turns = []
@@ -147,7 +146,7 @@ def axis_turns():
 
 def explain(alignment, stated, limit):
     """Words for what is wrong with `stated` (3, 3) where a simple mistake explains it within `limit` rad, else ""."""
-    swap = optical_R_body()
+    swap = BODY_R_OPTICAL.T
     candidates = [("it looks inverted: it is the transform of the other direction", stated.T),
                   ("it looks left out: the identity stands for it" if np.allclose(stated, np.eye(3), atol=1e-3) else
                    "the turn from the body's axes to the optical ones is missing", swap @ stated),

@@ -128,8 +128,10 @@ def _equations(rig):
     for chain in chains:
         if len(chain) < 5:
             continue
-        inside = (t >= begin[chain[0]]) & (t <= end[chain[-1]])
-        if inside.sum() < 3 * len(chain) or begin[chain[0]] < t[0] or end[chain[-1]] > t[-1]:
+        if begin[chain[0]] < t[0] or end[chain[-1]] > t[-1]:
+            continue
+        inside = slice(np.searchsorted(t, begin[chain[0]], "right") - 1, np.searchsorted(t, end[chain[-1]]) + 1)
+        if len(t[inside]) < 3 * len(chain):
             continue
         windows += _windows(chain, begin, end, t[inside], gyro[inside], force[inside], C, lever, motion)
     # Gravity is one vector for the longest chain alone, whose axes the others do not know.
@@ -161,8 +163,8 @@ def _windows(chain, begin, end, t, gyro, force, C, lever, motion):
     rotations = np.array(rotations)
     # The acceleration along the chain's axes and its derivative by the bias, integrated once and twice.
     felt = np.concatenate([np.einsum("nij,nj->ni", rotations, force), rotations.reshape(-1, 9)], axis=1)
-    once = _integral(t, felt)
-    twice = _integral(t, once)
+    once = align.cumulative_integral(t, felt)
+    twice = align.cumulative_integral(t, once)
 
     def rotation_at(time):
         k = min(int(np.searchsorted(t, time)), len(t) - 1)
@@ -193,11 +195,6 @@ def _windows(chain, begin, end, t, gyro, force, C, lever, motion):
         found.append((int(chain[0]), times, turned, seen, integral, by_bias))
         first = steps[-1] + 1
     return found
-
-
-def _integral(t, values):
-    """From t[0] on, by trapezoids; values (N, M)."""
-    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None], axis=0)])
 
 
 def _draw_speeds(t, told, seen):

@@ -4,14 +4,23 @@ import os
 
 import rosbag
 import rospy
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
+from tf2_msgs.msg import TFMessage
 
-MEASUREMENTS = ("imu", "velocity", "wheel_odometry", "features")
-INPUTS = MEASUREMENTS + ("twist_bias", "left/camera_info", "right/camera_info")
+from vi_ekf_slam.msg import StereoFeatureArray
+
+MEASUREMENTS = {"imu": Imu, "velocity": TwistWithCovarianceStamped, "wheel_odometry": Odometry,
+                "features": StereoFeatureArray}
+INPUTS = dict(MEASUREMENTS, **{"twist_bias": TwistWithCovarianceStamped, "left/camera_info": CameraInfo,
+                               "right/camera_info": CameraInfo})
 # What the node itself sends, and what belongs to the recording session, as where somebody told it to be.
 IMAGES = ("left/image", "right/image")
 NOT_PLAYED = ("odometry", "dead_reckoning/odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud",
               "loop_closures", "initialpose", "front_end/image", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
 TRANSFORMS, STATIC_TRANSFORMS = "/tf", "/tf_static"
+IMAGE_KINDS = {"raw": Image, "compressed": CompressedImage}  # by transport; of another one only its plugin knows
 LAST_S = 5.0  # s before the end, within which the last message of each measurement is looked for
 
 
@@ -24,8 +33,9 @@ class RecordedBag:
 
     transport: how the images come of which the front end makes features; None: features are played. gyro_wait_s: s of sensor
     time for which the front end then waits for a gyro.
-    played: topics to be played. end: time at which that part ends. goal: header stamp of the last features (or left
-    image), or None; without frames nothing says that the node is done: it may hold the last samples back for what could be late.
+    inputs: {topic: class of its messages, or None where only a plugin knows it}. played: topics to be played. end: time
+    at which that part ends. goal: header stamp of the last features (or left image), or None; without frames nothing says
+    that the node is done: it may hold the last samples back for what could be late.
     """
 
     def __init__(self, path, node, start, duration, transport=None, gyro_wait_s=0.0):
@@ -33,6 +43,11 @@ class RecordedBag:
         self.frames = [rospy.resolve_name("features")] if transport is None else [
             rospy.resolve_name(name) + ("" if transport == "raw" else "/" + transport) for name in IMAGES]
         self.is_from_images = transport is not None
+        self.inputs = {rospy.resolve_name(name): kind for name, kind in INPUTS.items()}
+        self.inputs.update({TRANSFORMS: TFMessage, STATIC_TRANSFORMS: TFMessage})
+        if self.is_from_images:
+            del self.inputs[rospy.resolve_name("features")]  # an earlier run's
+            self.inputs.update({topic: IMAGE_KINDS.get(transport) for topic in self.frames})
         try:
             with rosbag.Bag(path) as bag:
                 self._read(bag, node, start, duration, gyro_wait_s)
@@ -47,19 +62,18 @@ class RecordedBag:
         if not any(topic in recorders for topic in measurements):
             raise PlayError("%s: none of %s is in it; it has %s" %
                             (self.path, ", ".join(measurements), ", ".join(sorted(recorders)) or "nothing"))
-        inputs = {rospy.resolve_name(name) for name in INPUTS} | {TRANSFORMS, STATIC_TRANSFORMS} | set(self.frames)
         outputs = {rospy.resolve_name(name) for name in NOT_PLAYED}
         if self.is_from_images:
-            inputs.remove(rospy.resolve_name("features"))
-            outputs.add(rospy.resolve_name("features"))  # an earlier run's
+            outputs.add(rospy.resolve_name("features"))
             for topic in self.frames:
                 if topic not in recorders:
                     raise PlayError("%s: no %s in it, which the front end needs (left_image, right_image, image_transport); it "
                                     "has %s" % (self.path, topic, ", ".join(sorted(recorders))))
         self.played = sorted(
             topic for topic, callers in recorders.items()
-            if topic in inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
-        self.unheard = [topic for topic in self.played if topic not in inputs]
+            if topic in self.inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
+        self.unheard = [topic for topic in self.played if topic not in self.inputs]
+        self._check_kinds(bag)
         first, last = _span(bag)
         begin = first + start
         if begin > last:
@@ -72,6 +86,15 @@ class RecordedBag:
         self.goal = self._last_stamp(bag, self.frames[0], begin)
         self.imu_frame = next((message.header.frame_id for _, message, _ in
                                bag.read_messages([rospy.resolve_name("imu")])), None)
+
+    def _check_kinds(self, bag):
+        """The player would wait for ever for a listener to a topic of another type. ROS compares the checksums."""
+        for connection in bag._get_connections():
+            kind = self.inputs.get(connection.topic)
+            if kind is not None and connection.md5sum != kind._md5sum:
+                here = " as it is defined here" if connection.datatype == kind._type else ""
+                raise PlayError("%s: %s is %s, it must be %s%s"
+                                % (self.path, connection.topic, connection.datatype, kind._type, here))
 
     def _last_stamp(self, bag, topic, begin):
         since = rospy.Time.from_sec(max(begin, self.end.to_sec() - LAST_S))

@@ -131,11 +131,6 @@ def cell_size(least):
     return 10.0 ** math.ceil(math.log10(least) - 1e-9)
 
 
-def fixed_frame(config):
-    """The frame in which rviz draws."""
-    return str(config["Visualization Manager"]["Global Options"]["Fixed Frame"])
-
-
 def set_frames(config, names):
     """Replace frames of the shipped configuration; names: {frame of the shipped file: frame to use or ''}."""
     manager = config["Visualization Manager"]

@@ -3,17 +3,13 @@
 import argparse
 import os
 
-import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
 
-matplotlib.use("Agg")  # files only; a machine without a display must do
-
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from vi_ekf_slam.common.csv_columns import read_columns  # noqa: E402
-from vi_ekf_slam.common.errors import InputError  # noqa: E402
+from vi_ekf_slam.common.csv_columns import read_columns
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
-from vi_ekf_slam.common.output_file import check_output, replacing  # noqa: E402
+from vi_ekf_slam.common.output_file import check_output, replacing
 
 FRAME_COLUMNS = ("time", "nees", "nees_rotation", "nees_position", "nis_per_dof", "position_rmse",
                  "dead_reckoning_rmse", "bound_low_6", "bound_high_6", "bound_low_3", "bound_high_3")

@@ -11,6 +11,7 @@ from vi_ekf_slam.common.geometry import inverse, se3_exp
 from vi_ekf_slam.dataset import degradation
 from vi_ekf_slam.dataset.dead_reckoning import dead_reckon
 from vi_ekf_slam.dataset.loader import load_dataset
+from vi_ekf_slam.dataset.pose_files import tum_line
 from vi_ekf_slam.dataset.stale import assign_ids
 from vi_ekf_slam.dataset.synthetic_traffic import PIXEL_NOISE, add_traffic
 
@@ -131,6 +132,16 @@ def test_command_line_writes_a_bag_with_truth(save, truth, tmp_path):
     assert result.returncode == 0 and "wrote: " in result.stdout, result.stderr
     reference = read_reference(str(bag))
     assert len(reference.frame_stamps) == len(reference.truth[0]) == 30
+
+
+@pytest.mark.parametrize("rate, options", [(2, ["--good-twist"]), (0.5, [])])
+def test_a_truth_with_stamps_of_its_own_ends_where_it_ends(save, truth, tmp_path, rate, options):
+    source, tum, bag = save(drive(frames=FRAMES, landmarks=40)), tmp_path / "truth.tum", tmp_path / "out.bag"
+    stamps = truth[0][0] + np.arange(0.0, 2.95, 0.1 / rate)
+    tum.write_text("".join(tum_line(t, se3_exp((t - stamps[0]) * TWIST)) + "\n" for t in stamps))
+    result = script("degraded_bag.py", source, bag, "--truth", tum, *options)
+    assert result.returncode == 0, result.stderr
+    assert len(read_reference(str(bag)).frame_stamps) == int(10.0 * (stamps[-1] - stamps[0]) + 1.5)
 
 
 @pytest.mark.parametrize("arguments, word", [

@@ -36,7 +36,7 @@ def test_the_enlarged_part_is_where_all_maps_have_landmarks():
 
 def test_a_picture_is_drawn(run, bag, tmp_path):
     output = tmp_path / "maps.png"
-    arguments = [str(run), str(run), "--bag", bag, "--least", "1", "--output", str(output)]
+    arguments = [str(run), str(run), "--bag", bag, "--least", "1", "--names", "$^$", "b", "--output", str(output)]
     assert main(arguments) == 0 and is_png(output)
     assert main(arguments + ["--zoom", "0", "0", "20", "--names", "a", "b"]) == 0
 

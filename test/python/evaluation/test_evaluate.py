@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import rosbag
 from conftest import TRUE_POSITIONS, drive, is_png, process, script, tum
 
 from vi_ekf_slam.bag.reader import read_reference
@@ -362,3 +363,22 @@ def test_poses_of_a_camera_without_an_imu_are_judged_as_such(full_run, bag):
     (full_run / "summary.yaml").write_text("frames: 8\n")  # taken for the IMU's
     assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
     assert numbers(full_run)["slam"]["ate_anchored_m"] > 1.0
+
+
+def test_the_imu_of_a_run_may_have_had_any_topic(full_run, bag, tmp_path):
+    """summary.yaml names its frame, for a trajectory file beside the run too."""
+    other = str(tmp_path / "other.bag")
+    with rosbag.Bag(bag) as source, rosbag.Bag(other, "w") as target:
+        for topic, message, time in source.read_messages():
+            target.write("/imu0" if topic == "/imu" else topic, message, time)
+    assert "positions of the IMU" in script("evaluate.py", full_run, "--bag", other, "--no-plots").stdout
+    with open(str(full_run / "summary.yaml"), "a", encoding="utf-8") as stream:
+        stream.write('body: "imu_link"\n')
+    done = script("evaluate.py", full_run, full_run / "trajectory.tum", "--bag", other, "--no-plots")
+    assert "positions of the left camera" in done.stdout and "positions of the IMU" not in done.stdout, done.stderr
+
+
+def test_a_name_may_hold_what_means_mathematics_to_the_pictures(full_run, bag, tmp_path):
+    done = script("evaluate.py", full_run, full_run / "trajectory.tum", "--bag", bag, "--name", "$^$ a",
+                  "--name", "$_$ b", "--output", tmp_path / "out")
+    assert done.returncode == 0 and is_png(tmp_path / "out" / "evaluation_comparison.png"), done.stderr

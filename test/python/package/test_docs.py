@@ -126,6 +126,13 @@ def test_programs_and_their_options_exist():
             assert not missing, "%s: %s" % (name, ", ".join(missing))
 
 
+def test_programs_of_other_packages_that_are_named_are_installed():
+    from roslib.packages import find_node
+    named = {pair for page in PAGES for pair in re.findall(r"rosrun (?!vi_ekf_slam )([a-z]\w*) (\w+)", read(page))}
+    assert {package for package, _ in named} >= {"tf", "tf2_ros"}
+    assert not [pair for pair in named if not find_node(*pair)]
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_scripts_of_the_checkout_exist(page):
     for command in commands(page):

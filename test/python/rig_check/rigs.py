@@ -9,9 +9,8 @@ from conftest import HANG_S, program
 
 from vi_ekf_slam.bag.recording_writer import messages
 from vi_ekf_slam.bag.writer import write_bag
-from vi_ekf_slam.common.geometry import inverse, make_transform, so3_exp
+from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, inverse, make_transform, so3_exp
 from vi_ekf_slam.recordings.imu_noise import ImuNoise
-from vi_ekf_slam.recordings.kitti import BODY_R_OPTICAL
 from vi_ekf_slam.recordings.recording import Features, Imu, Recording, Velocity, rectified_pair
 from vi_ekf_slam.simulation.pictures.motion import felt, velocity
 
@@ -46,8 +45,8 @@ def still_points():
     return shaken_points(motion=RigAtRest())
 
 
-def shaken_points(with_velocity=False, seed=1, motion=ShakenRig()):
-    """Recording with features and an accelerometer, and the IMU's exact velocity where that is wanted."""
+def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0.02):
+    """Recording with features from first_frame s on and an accelerometer, and the IMU's velocity where that is wanted."""
     random = np.random.default_rng(seed)
     count = int(DURATION * NOISE.rate)
     times = np.arange(count) / NOISE.rate
@@ -56,7 +55,7 @@ def shaken_points(with_velocity=False, seed=1, motion=ShakenRig()):
     measured = exact + np.repeat([0.004, 0.05], 3) + white * random.normal(size=exact.shape)
     stamps = START + np.rint(1e9 * times).astype(np.int64)
     points = np.column_stack([random.uniform(2.0, 6.0, POINTS), random.uniform(-4.0, 4.0, POINTS), random.uniform(-1.0, 4.0, POINTS)])
-    frame_times = np.arange(0.02, DURATION - 0.05, 1.0 / FRAME_RATE)
+    frame_times = np.arange(first_frame, DURATION - 0.05, 1.0 / FRAME_RATE)
     ids, pixels, starts = [], [], [0]
     for t in frame_times:
         q = (inverse(motion.pose(t) @ IMU_T_LEFT) @ np.column_stack([points, np.ones(POINTS)]).T)[:3]

@@ -92,6 +92,13 @@ def test_nothing_is_wrong_with_a_sound_rig(sound, with_velocity, tmp_path):
     assert {"topics", "clocks", "stereo", "gyro", "rotation", "time offset", "scale", "noise", "gyro bias"} <= judged
 
 
+def test_nothing_is_wrong_where_frames_lie_between_samples_of_the_imu(tmp_path):
+    """The last window needs the sample after its end."""
+    report = judge(tmp_path / "between.bag", rigs.message_list(rigs.shaken_points(first_frame=0.0249)))
+    assert report.first is None
+    assert "scale" in {finding.check for finding in report.of_level(GREEN)}
+
+
 @pytest.mark.parametrize("name", ["inverted", "left out", "turned", "axes exchanged"])
 def test_the_rotation_that_is_told_mends_the_rig(name, sound, tmp_path):
     entries = FAULTS[name][2](rigs.copies(sound[False]))

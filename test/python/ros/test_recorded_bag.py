@@ -3,7 +3,8 @@
 import pytest
 import rosbag
 import rospy
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Imu
+from std_msgs.msg import String
 
 from vi_ekf_slam.ros.recorded_bag import PlayError, RecordedBag
 
@@ -37,3 +38,38 @@ def test_pictures_alone_are_refused_without_it(pictures):
         RecordedBag(pictures, "/slam", 0.0, 0.0)
     with pytest.raises(PlayError, match="none of /imu, .*, /right/image is in it"):
         RecordedBag(pictures, "/slam", 0.0, 0.0, "raw")
+
+
+@pytest.mark.parametrize("topic, allowed", [
+    ("/left/camera_info", "sensor_msgs/CameraInfo"), ("/velocity", "geometry_msgs/TwistWithCovarianceStamped"),
+    ("/features", "vi_ekf_slam/StereoFeatureArray"), ("/tf_static", "tf2_msgs/TFMessage")])
+def test_an_input_of_another_type_is_refused(tmp_path, topic, allowed):
+    path = str(tmp_path / "drive.bag")
+    with rosbag.Bag(path, "w") as bag:
+        bag.write("/imu", Imu(), rospy.Time(1))
+        bag.write("/foreign", String(), rospy.Time(1))
+        bag.write("/right/image", String(), rospy.Time(1))  # not played as images
+    assert RecordedBag(path, "/slam", 0.0, 0.0).played == ["/foreign", "/imu", "/right/image"]
+    with rosbag.Bag(path, "a") as bag:
+        bag.write(topic, String(), rospy.Time(1))
+    with pytest.raises(PlayError, match="drive.bag: %s is std_msgs/String, it must be %s" % (topic, allowed)):
+        RecordedBag(path, "/slam", 0.0, 0.0)
+
+
+def test_pictures_of_another_type_are_refused(pictures):
+    with rosbag.Bag(pictures, "a") as bag:
+        for side in ("left", "right"):
+            bag.write("/%s/image" % side, CompressedImage(), rospy.Time(1))
+        bag.write("/features", String(), rospy.Time(1))  # made of pictures then
+    assert RecordedBag(pictures, "/slam", 0.0, 0.0, "compressed").played
+    with pytest.raises(PlayError, match="/left/image is sensor_msgs/CompressedImage, it must be sensor_msgs/Image"):
+        RecordedBag(pictures, "/slam", 0.0, 0.0, "raw")
+
+
+def test_a_message_of_another_definition_is_refused(tmp_path):
+    path = str(tmp_path / "drive.bag")
+    with rosbag.Bag(path, "w") as bag:
+        bag.write("/imu", String(), rospy.Time(1), connection_header={
+            "topic": "/imu", "type": Imu._type, "md5sum": String._md5sum, "message_definition": String._full_text})
+    with pytest.raises(PlayError, match="/imu is sensor_msgs/Imu, it must be sensor_msgs/Imu as it is defined here"):
+        RecordedBag(path, "/slam", 0.0, 0.0)

@@ -10,9 +10,8 @@ import numpy as np
 from tqdm import tqdm
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, make_transform, rotation_to_quaternion, so3_exp
+from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, inverse, make_transform, rotation_to_quaternion, so3_exp
 from vi_ekf_slam.recordings.imu_noise import KEYS, ImuNoise
-from vi_ekf_slam.recordings.kitti import BODY_R_OPTICAL
 from vi_ekf_slam.simulation.pictures.motion import MOTIONS, felt, velocity
 
 START = 1600000000 * 10**9  # ns
