@@ -21,10 +21,6 @@ constexpr std::size_t kMostLookUps = 12; // in a frame: with 10,000 landmarks in
 constexpr std::size_t kLeastMatches = 5; // of a place
 constexpr double kShare = 0.4;           // of the matches, that agree
 constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
-// What must agree before a place is believed.
-constexpr int kAttempts = 3;
-constexpr std::size_t kOthers = 3; // landmarks that the first attempt did not have
-constexpr double kWay = 0.15;      // of the landmarks' distance, between the first and the last
 
 /// What a landmark in view may be, by its covariance, which has the pose's in it.
 class Reach {
@@ -53,7 +49,7 @@ bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
 
 } // namespace
 
-AppearanceLoops::AppearanceLoops() : agreement_(kAttempts, kOthers) {}
+AppearanceLoops::AppearanceLoops() : agreement_(PlaceAgreement::byLooks()) {}
 
 void AppearanceLoops::restart() {
   look_ups_.clear();
@@ -86,7 +82,7 @@ bool AppearanceLoops::confirms(const Recognition& found, const Filter& filter, c
   std::vector<Eigen::Vector3d> ways;
   for (const auto& [is_now, was] : found.matches)
     ways.push_back(filter.variables().point(map.active()[landmarks.at(is_now)].variable) - about);
-  return agreement_.confirms(found, about, kWay * centreOf(ways).norm());
+  return agreement_.confirms(found, about, PlaceAgreement::kWayByLooks * centreOf(ways).norm());
 }
 
 Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map) {

@@ -24,11 +24,6 @@ constexpr double kBetweenFailures = 5.0; // s, of the costly part
 constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
 constexpr double kShareOfLooks = 0.4;    // the same where looks alone say that they are
 constexpr std::size_t kMostLookUps = 25; // in a try: with 4000 landmarks two milliseconds
-// Tries that must agree where looks alone say what matches, landmarks that the first did not have, and the
-// way between the first and the last one, of the landmarks' distance.
-constexpr int kAttempts = 3;
-constexpr std::size_t kOthers = 3;
-constexpr double kWay = 0.15;
 constexpr double kLeastWidth = 0.5;  // m, of the points beside the line that they are nearest to
 constexpr double kLevel = 0.1;       // rad, between the vertical of two maps
 constexpr double kRounding = 1e-12;  // of the largest variance
@@ -185,7 +180,7 @@ Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose) {
 }
 
 Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map)
-    : map_(std::move(map)), agreement_(kAttempts, kOthers) {
+    : map_(std::move(map)), agreement_(PlaceAgreement::byLooks()) {
   std::vector<KnownLook> known;
   for (std::size_t i = 0; i < map_->landmarks.size(); ++i) {
     const SavedLandmark& l = map_->landmarks[i];
@@ -261,7 +256,7 @@ std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,
   }
   const Eigen::Vector3d about = filter.pose().translation();
   const double distance = (centreOf(there) - place->map_T_session * about).norm();
-  if (!agreement_.confirms(recognition, about, kWay * distance)) return std::nullopt;
+  if (!agreement_.confirms(recognition, about, PlaceAgreement::kWayByLooks * distance)) return std::nullopt;
   agreement_.restart();
   return place;
 }

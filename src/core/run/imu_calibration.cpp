@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
 
@@ -45,11 +44,9 @@ InitialState readInitialState(const std::string& path) {
   state.gyro_bias = required(root, "gyro_bias", 3);
   state.accelerometer_bias = required(root, "accelerometer_bias", 3);
   const Eigen::VectorXd entries = required(root, "covariance", 225);
-  const Eigen::Map<const Eigen::Matrix<double, 15, 15>> P(entries.data());
-  state.covariance = 0.5 * (P + P.transpose());
-  if ((P - P.transpose()).cwiseAbs().maxCoeff() > 1e-6 * P.cwiseAbs().maxCoeff() ||
-      P.llt().info() != Eigen::Success)
-    root.fail("covariance", "not one", "225 numbers of a symmetric positive definite 15 x 15 matrix");
+  state.covariance = Eigen::Map<const Eigen::Matrix<double, 15, 15>>(entries.data());
+  if (const auto bad = badFieldOf(state)) root.fail(bad->name, bad->value, bad->allowed);
+  state.covariance = (0.5 * (state.covariance + state.covariance.transpose())).eval();
   root.finish();
   return state;
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <utility>
 
 #include "vi_ekf_slam/core/sensors/words.hpp"
 
@@ -33,49 +34,41 @@ constexpr double kLargestBias = 10.0;
 
 } // namespace
 
+template <class Part>
+std::unique_ptr<Part> InertialEstimator::make() const {
+  auto part = std::make_unique<Part>(config_);
+  if (bias_) part->setBiasPrior(*bias_);
+  if (rig_) part->setRig(*rig_);
+  return part;
+}
+
 InertialEstimator::InertialEstimator(const InvariantConfig& config)
     : config_(config), problem_("waits for frames") {
   config_.choice = MotionChoice::kInertial;
   config_.map.one_in = kKeptOneIn;
-  alignment_ = makeAlignment();
+  alignment_ = make<InertialAlignment>();
 }
 
-std::unique_ptr<InvariantEstimator> InertialEstimator::makeFilter() const {
-  auto filter = std::make_unique<InvariantEstimator>(config_);
-  if (bias_) filter->setBiasPrior(*bias_);
-  if (rig_) filter->setRig(*rig_);
-  return filter;
-}
-
-std::unique_ptr<InertialAlignment> InertialEstimator::makeAlignment() const {
-  auto alignment = std::make_unique<InertialAlignment>(config_);
-  if (bias_) alignment->setBiasPrior(*bias_);
-  if (rig_) alignment->setRig(*rig_);
-  return alignment;
+template <class Tell>
+void InertialEstimator::tellAll(const Tell& tell) {
+  if (filter_) tell(*filter_);
+  if (resuming_) tell(*resuming_);
+  if (alignment_) tell(*alignment_);
 }
 
 void InertialEstimator::setRig(const StereoRig& rig) {
   rig_ = rig;
-  for (const auto& filter : {filter_.get(), resuming_.get()}) {
-    if (filter) filter->setRig(rig);
-  }
-  if (alignment_) alignment_->setRig(rig);
+  tellAll([&rig](auto& part) { part.setRig(rig); });
 }
 
 void InertialEstimator::setBiasPrior(const TwistBias& bias) {
   bias_ = bias;
-  for (const auto& filter : {filter_.get(), resuming_.get()}) {
-    if (filter) filter->setBiasPrior(bias);
-  }
-  if (alignment_) alignment_->setBiasPrior(bias);
+  tellAll([&bias](auto& part) { part.setBiasPrior(bias); });
 }
 
 void InertialEstimator::setGates(const Gates& gates) {
   config_.setGates(gates);
-  for (const auto& filter : {filter_.get(), resuming_.get()}) {
-    if (filter) filter->setGates(gates);
-  }
-  if (alignment_) alignment_->setGates(gates);
+  tellAll([&gates](auto& part) { part.setGates(gates); });
 }
 
 bool InertialEstimator::begin(const InitialState& state) {
@@ -105,7 +98,7 @@ void InertialEstimator::tryGiven(Stamp now) {
   if (!given_) return;
   const double gap = secondsBetween(given_->stamp, now);
   if (gap < 0.0 && -gap <= kSoon) return;
-  auto filter = makeFilter();
+  auto filter = make<InvariantEstimator>();
   const InitialState state = *std::exchange(given_, std::nullopt);
   if (gap < 0.0) {
     refusal_ = "the given state is " + rounded(-gap) + " s newer than the first measurement; ";
@@ -159,7 +152,7 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
   if (has_diverged || is_biased) {
     suspect_at_ = frame.stamp;
     if (!alignment_) {
-      alignment_ = makeAlignment();
+      alignment_ = make<InertialAlignment>();
       alignment_->setTimeOffset(filter_->timeOffset());
     }
   }
@@ -189,7 +182,7 @@ std::string InertialEstimator::tryToStart(Stamp now) {
   const InertialAlignment::Result aligned = alignment_->align();
   if (!aligned.state) return aligned.problem;
   if (alignment_->isFull() && secondsBetween(suspect_at_, now) < kPatience) return problem_;
-  auto filter = makeFilter();
+  auto filter = make<InvariantEstimator>();
   filter->begin(*aligned.state);
   filter->preset(alignment_->imu());
   const bool follows = replay(*filter);
@@ -261,7 +254,7 @@ void InertialEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
 
 void InertialEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source,
                                    double max_gap_s) {
-  auto filter = makeFilter();
+  auto filter = make<InvariantEstimator>();
   filter->resumeFrom(map, source, max_gap_s);
   resuming_ = std::move(filter);
   resume_map_ = std::move(map);

@@ -184,6 +184,7 @@ TEST_F(ImuFiles, AnInitialStatesErrorNamesFileFieldValueAndWhatIsAllowed) {
   }
   expectAll(error("velocity", "[0, .nan, 0]"), {"velocity[1]", "nan", "a finite number"});
   expectAll(error("position", "[0, 0, 1e300]"), {"position[2]", "1e300", "<="});
+  expectAll(error("velocity", "[0, 2e3, 0]"), {"of norm 2e+03", "at most 1e+03 m/s"});
   expectAll(error("orientation", "[0, 0, 0, 2]"), {"of norm 2", "norm 1"});
   expectAll(error("stamp", ""), {"missing", "seconds"});
   expectAll(error("stamp", "-3"), {"'-3'", "seconds"});

@@ -11,6 +11,9 @@ class PlaceAgreement {
  public:
   /// `attempts` that agree, of which the last one has at least `least` matches that the first did not have.
   PlaceAgreement(int attempts, std::size_t least) : attempts_(attempts), least_(least) {}
+  /// What recognition by looks needs.
+  static PlaceAgreement byLooks() { return {3, 3}; }
+  static constexpr double kWayByLooks = 0.15; ///< of the landmarks' distance, between the first and the last
 
   /// Whether `found`, from the vehicle's position `about` (world, m), confirms what was found before, at
   /// least `way` m before. Until all begins anew another one may.

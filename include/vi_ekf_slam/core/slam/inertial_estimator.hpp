@@ -3,7 +3,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 
 #include "vi_ekf_slam/core/slam/inertial_alignment.hpp"
 
@@ -49,8 +48,11 @@ class InertialEstimator : public Estimator {
   MapUse mapUse() const override;
 
  private:
-  std::unique_ptr<InvariantEstimator> makeFilter() const;
-  std::unique_ptr<InertialAlignment> makeAlignment() const;
+  /// A filter or an alignment that knows what is told so far.
+  template <class Part>
+  std::unique_ptr<Part> make() const;
+  template <class Tell>
+  void tellAll(const Tell& tell);
   void tryToGoOn(Stamp now);
   void tryGiven(Stamp now);
   std::string tryToStart(Stamp now);

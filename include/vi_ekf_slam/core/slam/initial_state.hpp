@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
+#include <string>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
 #include "vi_ekf_slam/core/types.hpp"
@@ -18,5 +20,12 @@ struct InitialState {
   /// that of R = Exp(error) R_estimated, along the world's axes; the others are truth minus estimate.
   Eigen::Matrix<double, 15, 15> covariance = Eigen::Matrix<double, 15, 15>::Zero();
 };
+
+/// Of a field that no vehicle's state has.
+struct BadField {
+  std::string name, value, allowed;
+};
+/// The first one of `state`; nothing: all are possible. The orientation is one by its type.
+std::optional<BadField> badFieldOf(const InitialState& state);
 
 } // namespace vi_ekf_slam
