@@ -14,14 +14,38 @@ namespace {
 // px; of less OpenCV's pyramid has no level in which stereo matches are looked for.
 constexpr int kSmallest = (kWindow << kLevels) + 1, kLargest = 16384;
 constexpr double kFarOutside = -1e6; // px
-// 76 deg from the axis. There a pixel's error is 10 to 20 times as large in a plane, with bounds to neither
-// side.
+// 63 deg from the axis. There a fisheye's pixel is 5 times as long in a plane as in its middle, and ever
+// longer.
 constexpr double kMaxTangent = 2.0;
+// What a polynomial's radius must grow by with the tangent to be inverted: a tenth of what it does in the
+// middle.
+constexpr double kLeastSlope = 0.1, kTangentStep = 0.005;
+constexpr double kMaxReturn = 0.5; // px
 // Newton's and the fixed-point iterations of OpenCV, to a thousandth of a pixel's noise.
 const cv::TermCriteria kUndistort(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 1e-6);
 
 bool isClose(const cv::Matx33d& a, const cv::Matx33d& b, double tolerance) {
   return cv::norm(a - b, cv::NORM_INF) <= tolerance;
+}
+
+/// Radius in the raw image, over the focal length, of what is seen at this tangent of the angle from the
+/// axis.
+double bentRadius(const std::vector<double>& D, double tangent) {
+  const auto d = [&D](std::size_t i) { return i < D.size() ? D[i] : 0.0; };
+  const double t = tangent * tangent;
+  return tangent * (1.0 + t * (d(0) + t * (d(1) + t * d(4)))) / (1.0 + t * (d(5) + t * (d(6) + t * d(7))));
+}
+
+/// As far as what is farther from the axis is farther out in the image.
+double risesUpTo(const std::vector<double>& D) {
+  double tangent = kTangentStep, radius = bentRadius(D, tangent);
+  while (tangent < kMaxTangent) {
+    const double next = bentRadius(D, tangent + kTangentStep);
+    if (!(next - radius > kLeastSlope * kTangentStep)) break;
+    tangent += kTangentStep;
+    radius = next;
+  }
+  return std::min(tangent, kMaxTangent);
 }
 
 std::vector<cv::Point2d> toDouble(const std::vector<cv::Point2f>& points) {
@@ -51,17 +75,18 @@ CameraModel::CameraModel(const Parameters& parameters) : parameters_(parameters)
   setFieldOfView();
 }
 
-/// Beyond the image's corners a polynomial is not fitted to anything, and need not be monotonic.
+/// Beyond the image's corners a polynomial is not fitted to anything, and need not be monotonic; of a wide
+/// lens it need not be so up to them.
 void CameraModel::setFieldOfView() {
   const float w = static_cast<float>(parameters_.size.width), h = static_cast<float>(parameters_.size.height);
-  max_tangent_ = kMaxTangent;
+  max_tangent_ = parameters_.distortion == Distortion::kPolynomial ? risesUpTo(parameters_.D) : kMaxTangent;
   double farthest = 0.0;
   for (const cv::Point2d& q : rectify({{0, 0}, {w, 0}, {0, h}, {w, h}})) {
-    if (!shows(q)) return; // a fisheye's corner
+    if (!shows(q)) return; // a corner that no direction of the plane is seen in
     const cv::Vec3d ray = raw_from_pixel_ * cv::Vec3d(q.x, q.y, 1.0);
     farthest = std::max(farthest, 1.05 * std::hypot(ray[0], ray[1]) / ray[2]);
   }
-  max_tangent_ = std::min(farthest, kMaxTangent);
+  max_tangent_ = std::min(farthest, max_tangent_);
 }
 
 std::vector<cv::Point2d> CameraModel::rectify(const std::vector<cv::Point2f>& pixels) const {
@@ -74,11 +99,11 @@ std::vector<cv::Point2d> CameraModel::rectify(const std::vector<cv::Point2f>& pi
     cv::undistortPoints(raw, rectified, parameters_.K, parameters_.D, parameters_.R, parameters_.P,
                         kUndistort);
   }
+  // Where a polynomial cannot be inverted, iterations end anywhere.
+  const std::vector<cv::Point2d> back = distort(rectified);
   for (std::size_t i = 0; i < raw.size(); ++i) {
-    cv::Point2d& q = rectified[i];
-    const bool is_sane = std::isfinite(q.x) && std::isfinite(q.y) && std::abs(q.x) < -kFarOutside &&
-                         std::abs(q.y) < -kFarOutside;
-    if (!is_sane || isBeyondPlane(raw[i])) q = {kFarOutside, kFarOutside};
+    if (!(cv::norm(back[i] - raw[i]) < kMaxReturn) || isBeyondPlane(raw[i]))
+      rectified[i] = {kFarOutside, kFarOutside};
   }
   return rectified;
 }

@@ -12,7 +12,6 @@ namespace {
 
 constexpr int kIterations = 8;
 constexpr double kScales[] = {8.0, 4.0, 2.0}; // px, of what counts as fitting, from coarse to fine
-constexpr std::size_t kFewest = 8;            // points that agree
 constexpr double kMinDepth = 0.1;             // m
 constexpr double kLeastDisparity = 0.1;       // px
 
@@ -47,7 +46,7 @@ std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<
       H.noalias() += share * share * J.transpose() * J;
       b.noalias() += share * share * J.transpose() * residual;
     }
-    if (agreeing < kFewest) return std::nullopt;
+    if (agreeing < kFewestForMotion) return std::nullopt;
     H.diagonal().array() += 1e-9 * H.trace(); // translation along what no point shows
     motion = SE3::Exp(H.ldlt().solve(b)) * motion;
     if (!motion.matrix().allFinite()) return std::nullopt;

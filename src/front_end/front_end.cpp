@@ -10,18 +10,18 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kMaxGap = 0.5;                // s over which tracks are bridged
-constexpr double kJump = 1.0;                  // s back: time begins anew
-constexpr float kMaxFlowRoundTrip = 0.5f;      // px
-constexpr double kMisfit = 1.0;                // px from where a point of the static world would be
-constexpr int kMaxUnmatched = 5;               // pairs
-constexpr double kLightTime = 2.0;             // s; exposure controls are faster, the light of a scene slower
+constexpr double kMaxGap = 0.5;           // s over which tracks are bridged
+constexpr double kJump = 1.0;             // s back: time begins anew
+constexpr float kMaxFlowRoundTrip = 0.5f; // px
+constexpr double kMisfit = 1.0;           // px from where a point of the static world would be
+constexpr int kMaxUnmatched = 5;          // pairs
+constexpr double kLightTime = 2.0;        // s; exposure controls are faster, the light of a scene slower
 // s for which a descriptor is good: to describe every track in every pair takes as long as to follow half of
 // them.
 constexpr double kDescribed = 0.2;
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
 constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
-constexpr std::size_t kLittleTexture = 10;     // tracks
+constexpr std::size_t kLittleTexture = 10; // tracks
 // px, RMS over the lives of tracks on recorded drives: a patch hides the shape of what it shows, and that
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
 // is to be told of all of it (docs/front_end.md).
@@ -39,17 +39,31 @@ std::size_t removeTracks(std::vector<Track>& tracks, const Predicate& is_over) {
   return before - tracks.size();
 }
 
+bool isDark(const FrontEndReport& report) { return report.brightness < kDark; }
+
+/// Why there is hardly any point, or none that both pictures show. (In the dark corners are of noise.)
+std::string scarcityOf(const FrontEndReport& report) {
+  const std::string dark = isDark(report) ? "dark, " : "";
+  if (report.without_matches)
+    return "hardly any point is found in the right picture: " + dark +
+           "not of one moment, another calibration, or left and right exchanged";
+  if (report.without_texture) return "hardly any texture: " + dark + "blurred, or an empty wall";
+  return {};
+}
+
 } // namespace
 
 std::string problemOf(const FrontEndReport& report) {
   if (report.stamp_refused) return "its stamp is not later than that of the pair before";
+  const std::string scarcity = scarcityOf(report);
+  // Of the darkest so few grey levels are left that parts look missing.
+  if (!scarcity.empty() && isDark(report) && !report.exchanged) return scarcity;
   if (report.left != PictureFault::kNone) return std::string("left picture: ") + describe(report.left);
   if (report.right != PictureFault::kNone) return std::string("right picture: ") + describe(report.right);
   if (report.exchanged) return "left and right look exchanged";
-  if (report.without_matches)
-    return "hardly any point is found in the right picture: not of one moment, another calibration, or "
-           "left and right exchanged";
-  if (report.without_texture) return "hardly any texture: blurred, or an empty wall";
+  if (!scarcity.empty()) return scarcity;
+  if (report.too_late)
+    return "more than 0.5 s after the pair before: all tracks begin anew, as with images at 2 Hz and slower";
   return {};
 }
 
@@ -66,6 +80,10 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
     report_.stamp_refused = true;
     return {images.stamp, {}};
   }
+  constexpr Stamp kMicrosecond = 1000; // ns
+  if (next_id_ == 0) next_id_ = 1 + static_cast<FeatureId>(std::max<Stamp>(images.stamp, 0) / kMicrosecond);
+  // What a filter takes as the time between them: it hears of pairs that are of no use, too.
+  const double seconds = secondsBetween(newest_stamp_, images.stamp);
   newest_stamp_ = images.stamp;
   Picture left = judgePicture(images.left, calibration_.left.size());
   Picture right = judgePicture(images.right, calibration_.right.size());
@@ -80,6 +98,7 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
     tracks_.clear();
     report_.begun_anew = true;
   }
+  report_.too_late = last_ && seconds > kMaxGap;
   if (has_jumped) last_.reset();
   if (isUseless(left.fault) || isUseless(right.fault)) return {images.stamp, {}};
   followLight(left.light, images.stamp);
@@ -88,7 +107,6 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   follow(left, images.stamp);
   beginTracks(left, images.stamp);
   matchTracks(left, right);
-  const double seconds = secondsSinceLast(images.stamp);
   last_ = Last{left, images.stamp};
   last_->left.image.release(); // the pyramid has it
   motion_.forgetBefore(images.stamp);
@@ -199,7 +217,12 @@ void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
   }
   const auto motion = estimateMotion(camera, displacements, guess);
   motion_.learn(motion, secondsSinceLast(stamp));
-  if (!motion) return;
+  if (!motion) {
+    // What flow alone supports has nothing then that tells it from what is not the same point.
+    if (!report_.rotation_known && displacements.size() >= kFewestForMotion)
+      report_.lost += removeTracks(tracks_, [](const Track& track) { return track.strayed >= kByFlow; });
+    return;
+  }
   report_.rejected = removeTracks(tracks_, [&](const Track& track) {
     return track.disparity && misfit(camera, displacement(track), *motion) > kMisfit * track.magnification;
   });

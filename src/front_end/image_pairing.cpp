@@ -1,6 +1,8 @@
 #include "vi_ekf_slam/front_end/image_pairing.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace vi_ekf_slam {
@@ -8,10 +10,12 @@ namespace {
 
 constexpr double kPairingJump = 1.0;    // s back: time begins anew
 constexpr std::size_t kMaxQueue = 1000; // images; what never finds a partner must not fill the memory
+constexpr double kUnknown = std::numeric_limits<double>::infinity();
 
 } // namespace
 
 void ImagePairing::add(PendingImage image, Camera& camera) {
+  double since = camera.last ? secondsBetween(*camera.last, image.stamp) : kUnknown;
   if (camera.last && image.stamp <= *camera.last) {
     if (secondsBetween(image.stamp, *camera.last) < kPairingJump) {
       ++counts_.disordered;
@@ -19,6 +23,7 @@ void ImagePairing::add(PendingImage image, Camera& camera) {
     }
     counts_.*camera.alone += camera.waiting.size();
     camera.waiting.clear();
+    since = kUnknown;
     // Of the time that was left no gyro comes any more, for which all that follow would wait.
     while (!pairs_.empty() && pairs_.back().left.stamp > image.stamp && lacksSomething(pairs_.back())) {
       pairs_.pop_back();
@@ -27,11 +32,11 @@ void ImagePairing::add(PendingImage image, Camera& camera) {
   }
   camera.last = image.stamp;
   if (image.stamp > newest_ || secondsBetween(image.stamp, newest_) > kPairingJump) newest_ = image.stamp;
-  camera.waiting.push_back(std::move(image));
+  camera.waiting.push_back({std::move(image), since});
   pairUp();
   auto& waiting = camera.waiting;
   while (!waiting.empty() && (waiting.size() > kMaxQueue ||
-                              secondsBetween(waiting.front().stamp, newest_) > options_.max_wait_s)) {
+                              secondsBetween(waiting.front().image.stamp, newest_) > options_.max_wait_s)) {
     waiting.pop_front();
     ++(counts_.*camera.alone);
   }
@@ -49,9 +54,10 @@ void ImagePairing::pairUp() {
   };
   auto &left = left_.waiting, &right = right_.waiting;
   while (!left.empty() && !right.empty()) {
-    const double apart = secondsBetween(left.front().stamp, right.front().stamp);
-    if (std::abs(apart) <= options_.tolerance_s) {
-      pairs_.push_back({std::move(left.front()), std::move(right.front())});
+    const double apart = secondsBetween(left.front().image.stamp, right.front().image.stamp);
+    const double nearest = 0.5 * std::min(left.front().since, right.front().since);
+    if (std::abs(apart) <= std::min(options_.tolerance_s, nearest)) {
+      pairs_.push_back({std::move(left.front().image), std::move(right.front().image)});
       left.pop_front();
       right.pop_front();
     } else {

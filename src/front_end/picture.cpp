@@ -10,9 +10,12 @@ namespace {
 constexpr int kThumbnail = 8;    // px of the image for one of the thumbnail that is judged; a power of 2
 constexpr double kMissing = 0.3; // share of the picture
 constexpr double kAll = 0.95;    // share
-constexpr double kDark = 40.0, kBright = 215.0;
+constexpr double kBright = 215.0;
 constexpr int kSaturated = 250;
 constexpr double kMaxGain = 4.0; // two stops; more would be noise
+// Grey levels. What corners and patches must have at least is in grey levels too, and a dim drive has less.
+constexpr double kLeastContrast = 35.0, kMiddle = 128.0;
+constexpr double kMaxLift = 4.0;
 
 /// Block means, by halves: for them alone resize() runs in vectors.
 cv::Mat thumbnail(const cv::Mat& image) {
@@ -54,6 +57,14 @@ PictureFault judge(const cv::Mat& image, Light& light) {
   return uniform > kMissing * cells ? PictureFault::kPartlyUniform : PictureFault::kNone;
 }
 
+/// How much brighter pictures of that light are shown. An empty wall is not lifted: it has little contrast,
+/// but is not dark.
+double liftOf(const Light& light) {
+  if (!(light.contrast > 0.0) || light.contrast >= kLeastContrast) return 1.0;
+  const double to_middle = std::max(1.0, kMiddle / std::max(1.0, light.mean));
+  return std::min({kMaxLift, kLeastContrast / light.contrast, to_middle});
+}
+
 } // namespace
 
 const char* describe(PictureFault fault) {
@@ -86,13 +97,14 @@ Picture judgePicture(const cv::Mat& image, cv::Size size) {
 }
 
 void preparePicture(Picture& picture, const Light& light) {
-  const double gain = light.contrast > 0.0 && picture.light.contrast > 0.0
-                          ? std::clamp(light.contrast / picture.light.contrast, 1.0 / kMaxGain, kMaxGain)
-                          : 1.0;
+  const double equal = light.contrast > 0.0 && picture.light.contrast > 0.0
+                           ? std::clamp(light.contrast / picture.light.contrast, 1.0 / kMaxGain, kMaxGain)
+                           : 1.0;
+  const double lift = liftOf(light), gain = lift * equal;
   // Not in place, since the image is somebody else's, and with the border that flow needs.
   const cv::Rect inside({kWindow, kWindow}, picture.image.size());
   cv::Mat bordered(cv::Size(inside.br() + inside.tl()), CV_8U), lit = bordered(inside);
-  picture.image.convertTo(lit, CV_8U, gain, light.mean - gain * picture.light.mean);
+  picture.image.convertTo(lit, CV_8U, gain, lift * light.mean - gain * picture.light.mean);
   cv::copyMakeBorder(lit, bordered, kWindow, kWindow, kWindow, kWindow,
                      cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
   picture.image = lit;

@@ -7,10 +7,8 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kMinLikeness = 0.9;
-// px, how far a new anchor leads a track away, against the points that tracks began at on drawn streets: the
-// mean of columns and rows that two thirds are within. Cut from the image before 0.32 and 0.19, where flow
-// alone knew how the track went on 0.84 and 0.35 (docs/front_end.md).
-constexpr double kByNewAnchor = 0.25, kByFlow = 0.6;
+// px, as kByFlow: where the anchor is cut from the image before, 0.32 and 0.19.
+constexpr double kByNewAnchor = 0.25;
 
 /// Whether the anchor looks like what is there.
 bool align(const AnchorPatch& anchor, AnchorPatch::Warp start, const cv::Mat& image,

@@ -99,6 +99,22 @@ TEST_F(BadPictures, blurred) {
   EXPECT_GT(front_end_.report().matched, kCount / 2);
 }
 
+TEST_F(BadPictures, too_dark_to_follow_anything) {
+  cv::RNG random(2);
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    for (cv::Mat* image : {&images.left, &images.right}) { // 5 to 20 levels, and noise
+      cv::Mat levels(image->size(), CV_32F);
+      random.fill(levels, cv::RNG::NORMAL, 0.0, 1.0);
+      for (int u = 0; u < levels.cols; ++u) levels.col(u) += 5.0 + 15.0 * u / levels.cols;
+      levels.convertTo(*image, CV_8U);
+    }
+    front_end_.process(images);
+    EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find(": dark, "))
+        << problemOf(front_end_.report());
+  }
+}
+
 TEST_F(BadPictures, left_and_right_exchanged) {
   for (int k = 0; k < 3; ++k) {
     StereoImages images = look();
@@ -170,6 +186,24 @@ TEST_F(BadPictures, tracks_do_not_outlive_a_long_gap) {
   front_end_.process(look());
   EXPECT_TRUE(front_end_.report().begun_anew);
   EXPECT_EQ(0u, front_end_.report().followed);
+}
+
+TEST_F(BadPictures, so_slow_that_no_track_outlives_a_pair) {
+  front_end_.process(look());
+  EXPECT_EQ("", problemOf(front_end_.report()));
+  for (int k = 0; k < 3; ++k) {
+    frame_ += 10; // 0.55 s
+    front_end_.process(look());
+    EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find("2 Hz"));
+  }
+  for (int k = 0; k < 15; ++k) { // as long, but for another reason
+    StereoImages images = look();
+    images.left.setTo(0);
+    front_end_.process(images);
+  }
+  front_end_.process(look());
+  EXPECT_EQ(0u, front_end_.report().followed);
+  EXPECT_EQ("", problemOf(front_end_.report()));
 }
 
 } // namespace

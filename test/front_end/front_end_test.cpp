@@ -92,6 +92,22 @@ TEST(FrontEnd, follows_points_while_each_camera_exposes_for_itself) {
   expectAccurate(follow(testCalibration(), 30, expose), 30);
 }
 
+// What corners and patches must have at least is in grey levels, of which a dim drive has few.
+TEST(FrontEnd, follows_as_many_points_in_a_dim_drive) {
+  cv::RNG random(5);
+  const auto dim = [&random](StereoImages& images, int) {
+    for (cv::Mat* image : {&images.left, &images.right}) {
+      cv::Mat noise(image->size(), CV_32F), levels;
+      random.fill(noise, cv::RNG::NORMAL, 0.0, 0.7);
+      image->convertTo(levels, CV_32F, 0.12);
+      cv::Mat(levels + noise).convertTo(*image, CV_8U);
+    }
+  };
+  const Errors errors = follow(testCalibration(), 20, dim);
+  EXPECT_GT(errors.observations, kCount * 20 * 8 / 10);
+  EXPECT_LT(errors.flow, 0.3);
+}
+
 // What a track shows is taken for another thing bit by bit: each picture is like the one before, and not like
 // the one in which the track began.
 TEST(FrontEnd, states_how_far_new_anchors_lead_a_track_away_and_nothing_while_it_looks_as_it_began) {
@@ -126,6 +142,23 @@ TEST(FrontEnd, states_how_far_new_anchors_lead_a_track_away_and_nothing_while_it
   EXPECT_GT(renewed, 10u);
 }
 
+// A filter has a frame of the pair that was of no use, too: it takes the time from there.
+TEST(FrontEnd, states_a_walk_over_the_time_since_the_pair_before_of_whatever_kind) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  std::size_t walks = 0;
+  for (int k = 0; k < 24; ++k) {
+    StereoImages images = wall.look(poseAt(4 * k), stampAt(k));
+    if (k % 2 == 1) images.left.setTo(0);
+    for (const auto& f : front_end.process(images).features) {
+      if (f.walk == 0.0) continue;
+      ++walks;
+      EXPECT_GT(f.walk * std::sqrt(secondsBetween(stampAt(0), stampAt(1))), 0.249); // px, of a new anchor
+    }
+  }
+  EXPECT_GT(walks, 5u);
+}
+
 TEST(FrontEnd, gives_no_id_twice_and_every_feature_a_noise_and_a_descriptor) {
   const SlantedPlane wall(testCalibration());
   FrontEnd front_end(testCalibration(), {kCount});
@@ -153,6 +186,22 @@ TEST(FrontEnd, gives_no_id_twice_and_every_feature_a_noise_and_a_descriptor) {
     alive = tracks;
   }
   EXPECT_GT(ended.size(), 5u);
+}
+
+// A map that was saved is resumed by the ids of its landmarks.
+TEST(FrontEnd, gives_none_of_the_ids_of_an_earlier_start) {
+  const SlantedPlane wall(testCalibration());
+  const auto idsFrom = [&wall](int begin) {
+    FrontEnd front_end(testCalibration(), {kCount});
+    std::set<FeatureId> ids;
+    for (int k = begin; k < begin + 10; ++k) {
+      for (const auto& f : front_end.process(wall.look(poseAt(k), stampAt(k))).features) ids.insert(f.id);
+    }
+    return ids;
+  };
+  const std::set<FeatureId> first = idsFrom(0), second = idsFrom(10);
+  EXPECT_EQ(first, idsFrom(0)) << "the same pictures, the same ids";
+  EXPECT_LT(*first.rbegin(), *second.begin());
 }
 
 TEST(FrontEnd, says_of_rows_that_do_not_fit_how_much_noise_they_are) {
@@ -244,6 +293,29 @@ TEST(FrontEnd, the_gyro_finds_tracks_after_a_turn_that_flow_alone_cannot_bridge)
   };
   EXPECT_GT(followed(true), 35u); // the others leave the image
   EXPECT_GT(followed(true), 2 * followed(false));
+}
+
+// Flow of a texture that is like itself returns from wrong points too.
+TEST(FrontEnd, lets_no_track_jump_by_flow_alone_where_no_motion_is_found_and_there_is_no_gyro) {
+  const SlantedPlane wall(testCalibration());
+  FrontEnd front_end(testCalibration(), {kCount});
+  std::map<FeatureId, Eigen::Vector3d> places;
+  std::size_t seen = 0, jumped = 0;
+  for (int k = 0; k < 20; ++k) {
+    const SE3 pose(so3::Exp({0.0, 0.1 * std::sin(0.8 * k), 0.0}), Eigen::Vector3d::Zero());
+    for (const auto& f : front_end.process(wall.look(pose, stampAt(k))).features) {
+      const Eigen::Vector3d place = wall.pointAt(pose, f.pixels.head<2>());
+      const auto [before, is_new] = places.try_emplace(f.id, place);
+      if (is_new) continue;
+      ++seen;
+      const double off =
+          (testCalibration().camera.project(pose.inverse() * before->second) - f.pixels).head<2>().norm();
+      jumped += off > 5.0 ? 1 : 0;
+      before->second = place;
+    }
+  }
+  EXPECT_GT(seen, 500u);
+  EXPECT_LT(7 * jumped, seen); // a fifth of those that go on otherwise
 }
 
 TEST(FrontEnd, ends_the_tracks_of_what_moves_against_the_others) {

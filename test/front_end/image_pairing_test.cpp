@@ -34,6 +34,23 @@ TEST_F(Pairing, takes_the_two_images_of_an_exposure_whichever_comes_first) {
   EXPECT_EQ(1u, pairing_.counts().disordered);
 }
 
+TEST_F(Pairing, never_pairs_neighbours_for_good_after_one_that_is_lost) {
+  for (const double tolerance : {0.03, 0.06, 0.12}) { // s, of pictures that are 0.05 s apart
+    ImagePairing pairing({tolerance, 0.2});
+    pairing.expectGyro(false);
+    std::size_t pairs = 0;
+    for (int k = 0; k < 40; ++k) {
+      if (k != 10) pairing.addLeft(at(1.0 + 0.05 * k));
+      if (k != 20) pairing.addRight(at(1.01 + 0.05 * k));
+      for (; const auto pair = pairing.pop(); ++pairs)
+        EXPECT_NEAR(0.01, secondsBetween(pair->left.stamp, pair->right.stamp), 1e-9) << k;
+    }
+    EXPECT_EQ(38u, pairs);
+    EXPECT_EQ(1u, pairing.counts().left_alone);
+    EXPECT_EQ(1u, pairing.counts().right_alone);
+  }
+}
+
 TEST_F(Pairing, counts_the_images_of_a_camera_whose_partner_is_silent) {
   for (int i = 0; i < 20; ++i) pairing_.addLeft(at(1.0 + 0.1 * i));
   EXPECT_TRUE(popAll().empty());

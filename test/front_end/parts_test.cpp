@@ -81,6 +81,31 @@ TEST(CameraModel, a_pixel_of_a_fisheye_is_as_long_as_the_tangent_stretches_it) {
             testCalibration().left.magnifications({{1.0f, 2.0f}, {100.0f, 200.0f}}));
 }
 
+// The fit of a lens that sees 120 deg turns back on the way to the corners.
+TEST(CameraModel, rectifies_as_far_as_a_polynomial_rises_and_no_farther) {
+  CameraModel::Parameters p;
+  p.size = {640, 480};
+  p.D = {-0.38, 0.17, 0.0, 0.0, -0.04};
+  p.K = p.P = {380.0, 0.0, 319.5, 0.0, 380.0, 239.5, 0.0, 0.0, 1.0};
+  const CameraModel model(p);
+  const auto radiusOf = [&p](double tangent) {
+    const double t = tangent * tangent;
+    return 380.0 * tangent * (1.0 + t * (p.D[0] + t * (p.D[1] + t * p.D[4])));
+  };
+  const cv::Point2d middle(319.5, 239.5), outwards(0.8, 0.6);
+  for (double tangent = 0.05; tangent < 1.3; tangent += 0.05) {
+    const cv::Point2f pixel(middle + radiusOf(tangent) * outwards);
+    const cv::Point2d rectified = model.rectify({pixel}).front();
+    EXPECT_LT(cv::norm(rectified - middle - 380.0 * tangent * outwards), 0.1) << tangent;
+    EXPECT_TRUE(model.shows(rectified)) << tangent;
+  }
+  const double highest = radiusOf(1.37);
+  for (double radius = highest + 1.0; radius < 400.0; radius += 5.0) {
+    const cv::Point2f pixel(middle + radius * outwards);
+    EXPECT_FALSE(model.shows(model.rectify({pixel}).front())) << radius;
+  }
+}
+
 TEST(CameraModel, says_what_is_rectified_already) {
   EXPECT_FALSE(isRectified(distortedCalibration(Distortion::kPolynomial).left.parameters()));
   CameraModel::Parameters p;

@@ -67,7 +67,15 @@ class SlantedPlane {
 constexpr std::size_t kCount = 60; // tracks that tests ask for
 inline const StereoCamera kTestCamera{300.0, 300.0, 159.5, 119.5, 0.2};
 
-inline StereoCalibration testCalibration() { return rectifiedCalibration(kTestCamera, {320, 240}); }
+/// A pair that is rectified already: P of both, without distortion.
+inline StereoCalibration testCalibration() {
+  CameraModel::Parameters parameters;
+  parameters.size = {320, 240};
+  parameters.K = parameters.P = {
+      kTestCamera.fu, 0.0, kTestCamera.cu, 0.0, kTestCamera.fv, kTestCamera.cv, 0.0, 0.0, 1.0};
+  parameters.images_are_rectified = true;
+  return {CameraModel(parameters), CameraModel(parameters), kTestCamera};
+}
 
 /// The same pair with lenses that distort and cameras that are not parallel.
 inline StereoCalibration distortedCalibration(CameraModel::Distortion distortion) {

@@ -4,6 +4,7 @@
 #include <sensor_msgs/image_encodings.h>
 
 #include <boost/make_shared.hpp>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -85,6 +86,48 @@ TEST(ImageDecoder, reads_compressed_images_of_8_and_16_bits) {
   image.convertTo(deep, CV_16U, 256.0);
   cv::imencode(".png", deep, message.data);
   expectRamp(decoder.decode(message), 5.0);
+}
+
+// compressed_image_transport compresses the mosaic, and the format names it.
+TEST(ImageDecoder, makes_of_a_compressed_Bayer_mosaic_what_it_makes_of_a_raw_one) {
+  const std::map<std::string, cv::Point> reds{
+      {"bayer_rggb", {0, 0}}, {"bayer_bggr", {1, 1}}, {"bayer_gbrg", {0, 1}}, {"bayer_grbg", {1, 0}}};
+  for (const auto& [pattern, red] : reds) {
+    for (const int type : {CV_8UC1, CV_16UC1}) {
+      const std::string encoding = pattern + (type == CV_8UC1 ? "8" : "16");
+      SCOPED_TRACE(encoding);
+      cv::Mat mosaic(48, 80, type);
+      cv::RNG(1).fill(mosaic, cv::RNG::UNIFORM, 0, type == CV_8UC1 ? 256 : 4096);
+      const auto raw = boost::make_shared<sensor_msgs::Image>(*ramp(encoding));
+      raw->data.assign(mosaic.datastart, mosaic.dataend);
+      ImageDecoder of_raw, of_compressed;
+      sensor_msgs::CompressedImage message;
+      message.format = encoding + "; png compressed ";
+      cv::imencode(".png", mosaic, message.data);
+      const cv::Mat expected = of_raw.decode(sensor_msgs::ImageConstPtr(raw));
+      EXPECT_EQ(0.0, cv::norm(expected, of_compressed.decode(message), cv::NORM_INF));
+    }
+    // What is of one colour is of one grey then.
+    cv::Mat mosaic(48, 80, CV_8UC1, cv::Scalar(40)), flat;
+    for (int v = 0; v < 48; v += 2)
+      for (int u = 0; u < 80; u += 2) mosaic.at<std::uint8_t>(cv::Point(u, v) + red) = 220;
+    sensor_msgs::CompressedImage message;
+    message.format = pattern + "8; jpeg compressed ";
+    cv::imencode(".jpg", mosaic, message.data);
+    const cv::Mat inside = ImageDecoder().decode(message)(cv::Rect(2, 2, 76, 44));
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(inside, mean, deviation);
+    EXPECT_LT(deviation[0], 3.0) << pattern;
+  }
+}
+
+TEST(ImageDecoder, takes_no_mosaic_for_granted_where_colours_were_compressed) {
+  const auto colours = ramp(encodings::BGR8);
+  const cv::Mat image(48, 80, CV_8UC3, const_cast<std::uint8_t*>(colours->data.data()));
+  sensor_msgs::CompressedImage message;
+  message.format = "bayer_rggb8; png compressed bgr8";
+  cv::imencode(".png", image, message.data);
+  expectRamp(ImageDecoder().decode(message), 1.0);
 }
 
 TEST(ImageDecoder, names_what_it_cannot_read) {

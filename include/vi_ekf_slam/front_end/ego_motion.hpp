@@ -8,6 +8,8 @@
 
 namespace vi_ekf_slam {
 
+constexpr std::size_t kFewestForMotion = 8; ///< points that agree
+
 /// A point of the static world in the pair before, and where the left camera sees it now; rectified pixels.
 struct Displacement {
   Eigen::Vector3d before; ///< m, in the rectified left camera of the pair before

@@ -27,9 +27,10 @@ struct FrontEndReport {
   PictureFault left = PictureFault::kNone, right = PictureFault::kNone;
   bool stamp_refused = false;   ///< not later than the pair before: nothing was done
   bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
+  bool too_late = false;        ///< more than tracks are bridged after the pair before
   bool exchanged = false;       ///< left and right look exchanged
   bool without_matches = false; ///< hardly any point of the left picture is found in the right one
-  bool without_texture = false; ///< hardly anything to follow in the left picture (blurred, or an empty wall)
+  bool without_texture = false; ///< hardly anything to follow in the left picture (dark, blurred, empty)
   bool rotation_known = false;  ///< the gyro predicted where the tracks went
   std::size_t followed = 0;     ///< tracks that went on
   std::size_t lost = 0;         ///< tracks that ended: not found again
@@ -98,7 +99,8 @@ class FrontEnd {
   Light light_;            ///< of all pictures, once they are prepared
   Stamp newest_stamp_ = 0; ///< of any pair
   bool exchanged_ = false;
-  FeatureId next_id_ = 1;
+  /// Counts up from the first pair's stamp in us, so that a map of an earlier start has other ids.
+  FeatureId next_id_ = 0;
   std::vector<Track> tracks_;
   FrontEndReport report_;
 };

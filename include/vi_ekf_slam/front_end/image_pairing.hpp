@@ -26,7 +26,9 @@ struct PendingPair {
 class ImagePairing {
  public:
   struct Options {
-    double tolerance_s = 0.005; ///< s between the stamps of a pair
+    /// s between the stamps of a pair, and no more than half of the time since the image before of either
+    /// camera: else one that is lost would pair all that follow with their neighbours.
+    double tolerance_s = 0.005;
     double max_wait_s =
         0.2; ///< s of sensor time that an image waits for its partner, and a pair for the gyro
   };
@@ -59,8 +61,12 @@ class ImagePairing {
   const Counts& counts() const { return counts_; }
 
  private:
+  struct Waiting {
+    PendingImage image;
+    double since; ///< s, after the image before of its camera
+  };
   struct Camera {
-    std::deque<PendingImage> waiting;
+    std::deque<Waiting> waiting;
     std::optional<Stamp> last; ///< of the newest image that came
     std::uint64_t Counts::*alone;
   };

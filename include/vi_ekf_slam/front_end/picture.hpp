@@ -16,6 +16,8 @@ inline bool isUseless(PictureFault fault) {
   return fault != PictureFault::kNone && fault != PictureFault::kPartlyUniform;
 }
 
+constexpr double kDark = 40.0; ///< grey levels: what has less in the mean is dark
+
 /// How bright a picture is and how much contrast it has: mean and standard deviation of its grey levels, 0 to
 /// 255, coarse and without what is missing.
 struct Light {
@@ -38,7 +40,7 @@ constexpr int kLevels = 2;
 /// Looks at the image; `size`: what it must have.
 Picture judgePicture(const cv::Mat& image, cv::Size size);
 /// Gives a picture that is of use the light of others, which flow from one to the other takes for granted,
-/// and its pyramid.
+/// lifted where that is dim, and its pyramid.
 void preparePicture(Picture& picture, const Light& light);
 
 } // namespace vi_ekf_slam

@@ -1,8 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
-
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/front_end/camera_model.hpp"
 
@@ -14,8 +11,5 @@ struct StereoCalibration {
   CameraModel left, right;
   StereoCamera camera; ///< the rectified pair
 };
-
-/// Of a pair that is rectified already: P of both, without distortion.
-StereoCalibration rectifiedCalibration(const StereoCamera& camera, cv::Size size);
 
 } // namespace vi_ekf_slam

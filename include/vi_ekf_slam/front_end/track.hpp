@@ -8,6 +8,11 @@
 
 namespace vi_ekf_slam {
 
+/// px, how far a new anchor leads a track away where flow alone knows how it went on, against the points that
+/// tracks began at on drawn streets: the mean of columns and rows, 0.84 and 0.35, that two thirds are within
+/// (docs/front_end.md).
+constexpr double kByFlow = 0.6;
+
 /// One point that is followed.
 struct Track {
   FeatureId id = 0;

@@ -3,13 +3,35 @@
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <boost/make_shared.hpp>
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
+#include <string>
 
 namespace vi_ekf_slam {
 
 namespace encodings = sensor_msgs::image_encodings;
+
+namespace {
+
+cv::Mat read(const sensor_msgs::CompressedImage& message, int how) {
+  const cv::Mat image = message.data.empty() ? cv::Mat() : cv::imdecode(message.data, how);
+  if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
+    throw std::runtime_error("a compressed image that cannot be decoded, format '" + message.format + "'");
+  return image;
+}
+
+/// The grey that a raw image of this encoding gives. JPEG has 8 bits whatever it was made of.
+cv::Mat demosaic(const cv::Mat& mosaic, const std::string& encoding) {
+  const bool is_deep = mosaic.depth() == CV_16U;
+  const std::string pattern = encoding.substr(0, encoding.find_first_of("0123456789"));
+  const auto image =
+      boost::make_shared<cv_bridge::CvImage>(std_msgs::Header(), pattern + (is_deep ? "16" : "8"), mosaic);
+  return cv_bridge::cvtColor(image, is_deep ? encodings::MONO16 : encodings::MONO8)->image;
+}
+
+} // namespace
 
 cv::Mat ImageDecoder::toEightBits(const cv::Mat& image) {
   if (image.depth() == CV_8U) return image;
@@ -31,12 +53,13 @@ cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& message) {
 }
 
 cv::Mat ImageDecoder::decode(const sensor_msgs::CompressedImage& message) {
-  const cv::Mat image = message.data.empty()
-                            ? cv::Mat()
-                            : cv::imdecode(message.data, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-  if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
-    throw std::runtime_error("a compressed image that cannot be decoded, format '" + message.format + "'");
-  return toEightBits(image);
+  // compressed_image_transport compresses the mosaic of Bayer as it is: "bayer_rggb8; jpeg compressed ".
+  const std::string encoding = message.format.substr(0, message.format.find(';'));
+  if (encodings::isBayer(encoding)) {
+    const cv::Mat mosaic = read(message, cv::IMREAD_UNCHANGED);
+    if (mosaic.channels() == 1) return toEightBits(demosaic(mosaic, encoding));
+  }
+  return toEightBits(read(message, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH));
 }
 
 } // namespace vi_ekf_slam

@@ -14,7 +14,8 @@ class ImageDecoder {
   /// mono8, mono16, bgr8, rgb8 and their relatives, Bayer, YUV; not copied where it is mono8: `message` must
   /// outlive what is returned. Throws std::exception, which names the encoding.
   cv::Mat decode(const sensor_msgs::ImageConstPtr& message);
-  /// JPEG, PNG and what else OpenCV reads. Throws std::exception.
+  /// JPEG, PNG and what else OpenCV reads; of a Bayer mosaic, which the format names, the same grey as above.
+  /// Throws std::exception.
   cv::Mat decode(const sensor_msgs::CompressedImage& message);
 
  private:
