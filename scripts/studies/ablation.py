@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.evaluation.offline_run import judge, run_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -78,18 +79,6 @@ def changed(config, changes):
         nested = isinstance(value, dict) and isinstance(result.get(key), dict)
         result[key] = changed(result[key], value) if nested else copy.deepcopy(value)
     return result
-
-
-def load_yaml(path):
-    """The mapping in a YAML file; InputError where there is none."""
-    try:
-        with open(path, encoding="utf-8") as stream:
-            config = yaml.safe_load(stream)
-    except (OSError, yaml.YAMLError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason))
-    if not isinstance(config, dict):
-        raise InputError("%s: is no configuration" % path)
-    return config
 
 
 def check_keys(rows, known):
@@ -255,10 +244,10 @@ def main(argv=None):
     """Entry point; see --help for what it returns."""
     options = parse(argv)
     try:
-        config = load_yaml(options.config)
+        config = read_mapping(options.config)
         known = config
         for path in sorted(glob.glob(os.path.join(ROOT, "config", "*.yaml"))):
-            known = changed(known, load_yaml(path))
+            known = changed(known, read_mapping(path))
         drives, rows = choose(DRIVES, options.drives, "drive"), choose(ROWS, options.rows, "row")
         check_keys(rows, known)
         if options.jobs < 1:

@@ -9,7 +9,6 @@
 #include <chrono>
 
 #include "resting_scene.hpp"
-#include "vi_ekf_slam/core/run/memory.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -66,11 +65,3 @@ BENCHMARK(frameUpdate)
 
 } // namespace
 } // namespace vi_ekf_slam
-
-int main(int argc, char** argv) {
-  vi_ekf_slam::keepFreedMemory();
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/sensors/median.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
@@ -123,11 +122,3 @@ BENCHMARK(rates)
 
 } // namespace
 } // namespace vi_ekf_slam
-
-int main(int argc, char** argv) {
-  vi_ekf_slam::keepFreedMemory();
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}

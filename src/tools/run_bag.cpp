@@ -31,8 +31,6 @@ constexpr int kOk = 0;
 constexpr int kUsage = 1;
 constexpr int kInput = 2;
 
-constexpr std::array<const char*, kStreamCount> kStreamNames = {"gyro", "velocity", "stereo"};
-
 volatile std::sig_atomic_t g_stop = 0;
 
 /// What went wrong with the input as a whole, if anything.
@@ -50,7 +48,7 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   const SystemCounts counts = system.counts();
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     if (counts.late[i] <= counts.processed[i]) continue;
-    return std::string(kStreamNames[i]) + ": " + std::to_string(counts.late[i]) + " of " +
+    return std::string(kSensorNames[i]) + ": " + std::to_string(counts.late[i]) + " of " +
            std::to_string(counts.late[i] + counts.processed[i]) +
            " messages were dropped: they come more than " + rounded(system.config().buffer.max_delay_s) +
            " s (buffer/max_delay_s) later after their stamps than another stream; are all stamps of one "
@@ -86,7 +84,7 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
     std::cout << "turned away: " << reason << ": " << count << "\n";
   for (std::size_t i = 0; i < kStreamCount; ++i) {
     if (c.late[i] + c.duplicate[i] + c.invalid[i] == 0) continue;
-    std::cout << kStreamNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
+    std::cout << kSensorNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
               << c.invalid[i] << " invalid\n";
   }
   if (c.resets > 0) std::cout << c.resets << " resets, as told above\n";

@@ -94,20 +94,20 @@ std::vector<Handle> Filter::marginaliseOldest(std::size_t count) {
 }
 
 void Filter::reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+  makeIndependent(rowOf(handle), covariance);
+}
+
+void Filter::fixPose(Eigen::Index row, double variance) {
+  makeIndependent(row, Eigen::Matrix<double, 1, 1>(variance));
+}
+
+void Filter::makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
   settle();
-  const Eigen::Index row = rowOf(handle), k = variables_.sizeOf(handle);
+  const Eigen::Index k = covariance.rows();
   covariance_.block(row, 0, k, rows()).setZero();
   covariance_.block(0, row, rows(), k).setZero();
   covariance_.block(row, row, k, k) = covariance;
   inactive_.forget(row, k);
-}
-
-void Filter::fixPose(Eigen::Index row, double variance) {
-  settle();
-  covariance_.block(row, 0, 1, rows()).setZero();
-  covariance_.block(0, row, rows(), 1).setZero();
-  covariance_(row, row) = variance;
-  inactive_.forget(row, 1);
 }
 
 void Filter::moveWorld(const SE3& to_T_world) {

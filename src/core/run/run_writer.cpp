@@ -104,7 +104,7 @@ std::string countsLine(const char* key, const std::array<const char*, N>& names,
 }
 
 std::string perStream(const char* key, const std::array<std::uint64_t, kStreamCount>& counts) {
-  return countsLine<kStreamCount>(key, {"gyro", "velocity", "stereo"}, counts);
+  return countsLine<kStreamCount>(key, kSensorNames, counts);
 }
 
 std::string noises(const std::vector<StreamNoise>& streams) {

@@ -8,7 +8,6 @@ namespace {
 
 constexpr double kArrivalSpan = 5.0;        // s that are judged: some queue of each stream is empty once
 constexpr std::size_t kFewestArrivals = 10; // messages of a stream
-constexpr std::array<const char*, kStreamCount> kStreamWords = {"imu", "velocity", "features"};
 
 } // namespace
 
@@ -32,8 +31,8 @@ std::string ArrivalCheck::note(Stream stream, Stamp stamp, Stamp received) {
   if (behind <= limit_) return {};
   std::ostringstream text;
   text.precision(3);
-  text << kStreamWords[*latest] << " comes " << behind << " s later after its stamp than "
-       << kStreamWords[*soonest] << ", allowed: " << limit_
+  text << kTopicNames[*latest] << " comes " << behind << " s later after its stamp than "
+       << kTopicNames[*soonest] << ", allowed: " << limit_
        << " s (buffer/max_delay_s); one of the two has another clock, or waits somewhere: "
        << "stamps must be the time of measurement in one clock";
   return text.str();

@@ -5,6 +5,10 @@
 namespace vi_ekf_slam {
 namespace {
 
+constexpr int kWithoutAcceleration = 3; // samples: the first of some drivers is empty
+constexpr const char* kNoAcceleration =
+    "the IMU's messages carry no acceleration (all are 0, or said not to be measured)";
+
 std::string textOf(MotionChoice choice, const std::string& reason) {
   return (choice == MotionChoice::kInertial ? "inertial, " : "constant twist, ") + reason;
 }
@@ -22,9 +26,9 @@ MotionSelection::MotionSelection(const Config& config) : choice_(config.invarian
 void MotionSelection::note(const ImuSample& sample) {
   if (!isOpen() && !lacks_imu_) return;
   if (!sample.acceleration) {
+    if (++without_acceleration_ < kWithoutAcceleration) return;
     lacks_imu_ = false;
-    return decide(MotionChoice::kConstantTwist,
-                  "the IMU's messages carry no acceleration (all are 0, or said not to be measured)");
+    return decide(MotionChoice::kConstantTwist, kNoAcceleration);
   }
   const std::optional<bool> is_fast = imu_rate_.suffices(sample.stamp);
   if (!is_fast) return;
@@ -34,11 +38,12 @@ void MotionSelection::note(const ImuSample& sample) {
 
 void MotionSelection::close() {
   if (!isOpen()) return;
-  lacks_imu_ = !imu_rate_.hasSamples();
+  lacks_imu_ = !imu_rate_.hasSamples() && without_acceleration_ == 0;
   decide(MotionChoice::kConstantTwist,
          imu_rate_.hasSamples() ? "the IMU's messages come at less than 50 Hz, too seldom for their "
                                   "accelerations to be integrated (motion: inertial does it none the less)"
-                                : "there is no IMU");
+         : lacks_imu_           ? "there is no IMU"
+                                : kNoAcceleration);
 }
 
 void MotionSelection::decide(MotionChoice choice, const std::string& reason) {

@@ -11,7 +11,6 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr std::size_t kWindow = 50; // messages
 constexpr double kSilence = 2.0;    // s of wall time
-constexpr const char* kStreams[] = {"imu", "velocity", "features"};
 
 } // namespace
 
@@ -66,11 +65,11 @@ void Diagnostics::noteOutput(const Output& output, bool is_frame) {
 void Diagnostics::inputs(Status& status) {
   status.summary(DiagnosticStatus::OK, "all inputs come in");
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    status.addf(std::string(kStreams[i]) + " rate (Hz of sensor time)", "%.2f", rates_[i].rate());
+    status.addf(std::string(kTopicNames[i]) + " rate (Hz of sensor time)", "%.2f", rates_[i].rate());
     const auto silence = rates_[i].silence();
     if (silence ? *silence < kSilence : !from_.intake.isRequired(static_cast<Stream>(i))) continue;
     status.mergeSummary(DiagnosticStatus::WARN,
-                        std::string(silence ? "silent: " : "nothing yet on ") + kStreams[i]);
+                        std::string(silence ? "silent: " : "nothing yet on ") + kTopicNames[i]);
   }
   const ImuCheck& imu = from_.system.checks().imu();
   status.add("imu intervals that are not the usual one", imu.counts().stutters);
@@ -200,7 +199,7 @@ std::map<std::string, std::uint64_t> Diagnostics::allTurnedAway() const {
   note("features: message shed, too old for the load", queue.frames_shed);
   note("features: shed, a busy node takes fewer of a message", from_.intake.shedFeatures());
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    note(std::string(kStreams[i]) + ": message dropped, the queue is full", queue.overflow[i]);
+    note(std::string(kTopicNames[i]) + ": message dropped, the queue is full", queue.overflow[i]);
   }
   return all;
 }
@@ -234,7 +233,7 @@ void Diagnostics::drops(Status& status) {
     drops += number;
   };
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    const std::string stream = kStreams[i];
+    const std::string stream = kTopicNames[i];
     count(stream + ": late", c.late[i]);
     count(stream + ": duplicate", c.duplicate[i]);
     count(stream + ": stamp far ahead of the others", c.ahead[i]);

@@ -3,12 +3,11 @@
 import rosbag
 
 from vi_ekf_slam.bag import messages as make
+from vi_ekf_slam.bag.connections import STATIC_TOPIC, latched
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.output_file import replacing
-
-STATIC_TOPIC = "/tf_static"
 
 
 def add_calibration(options, rig):
@@ -28,7 +27,7 @@ def add_calibration(options, rig):
         with replacing(options.output) as stream:
             target = rosbag.Bag(stream, "w")
             for topic, message in _own(rig, options, imu_frame, stamp):
-                target.write(topic, message, stamp, connection_header=_latching(topic, message))
+                target.write(topic, message, stamp, connection_header=latched(topic, message))
             count = 3
             for topic, message, time, header in source.read_messages(raw=True, return_connection_header=True):
                 if topic in (options.left_info, options.right_info):
@@ -65,9 +64,3 @@ def _refuse_second_parent(bag, options):
         for child in sorted(ours & set(children)):
             raise InputError("%s: %s already has %s -> %s, allowed: other frames (--left-frame, --right-frame)"
                              % (options.bag, STATIC_TOPIC, children[child], child))
-
-
-def _latching(topic, message):
-    return {"topic": topic, "type": message._type, "md5sum": message._md5sum,
-            "message_definition": message._full_text, "latching": "1"}
-

@@ -12,7 +12,8 @@ import sys
 from tqdm import tqdm
 
 from vi_ekf_slam.bag import messages as make
-from vi_ekf_slam.bag.writer import PATH_TOPIC, POSE_TOPIC, STATIC_TOPIC, write_bag
+from vi_ekf_slam.bag.connections import STATIC_TOPIC
+from vi_ekf_slam.bag.writer import PATH_TOPIC, POSE_TOPIC, write_bag
 from vi_ekf_slam.common.output_file import write_text
 from vi_ekf_slam.recordings.imu_noise import kalibr_yaml, variances
 from vi_ekf_slam.recordings.initial_state import to_yaml

@@ -12,9 +12,10 @@ import rosbag
 from tqdm import tqdm
 
 from vi_ekf_slam.bag import messages as make
+from vi_ekf_slam.bag.connections import STATIC_TOPIC, latched
 from vi_ekf_slam.common.output_file import replacing
 
-STATIC_TOPIC, BIAS_TOPIC, PATH_TOPIC = "/tf_static", "/twist_bias", "/ground_truth/path"
+BIAS_TOPIC, PATH_TOPIC = "/twist_bias", "/ground_truth/path"
 LATCHED_TOPICS = (STATIC_TOPIC, BIAS_TOPIC, PATH_TOPIC)
 POSE_TOPIC = "/ground_truth/pose"
 
@@ -73,15 +74,8 @@ def write_bag(path, recording):
     with replacing(path) as stream:
         bag = rosbag.Bag(stream, "w")
         for topic, stamp, message in recording:
-            bag.write(topic, message, make.ros_time(stamp), connection_header=_connection_header(topic, message))
+            header = latched(topic, message) if topic in LATCHED_TOPICS else None
+            bag.write(topic, message, make.ros_time(stamp), connection_header=header)
             count += 1
         bag.close()
     return count
-
-
-def _connection_header(topic, message):
-    """What rosbag writes by itself, and the latching flag, which makes `rosbag play` latch the topic."""
-    if topic not in LATCHED_TOPICS:
-        return None
-    return {"topic": topic, "type": message._type, "md5sum": message._md5sum,
-            "message_definition": message._full_text, "latching": "1"}

@@ -14,6 +14,14 @@ def read_yaml(path):
         raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
 
 
+def read_mapping(path, allowed="`key: value` lines"):
+    """The mapping that a YAML file holds; InputError as of read_yaml, and where it is none."""
+    values = read_yaml(path)
+    if not isinstance(values, dict):
+        raise InputError("%s: holds no mapping, allowed: %s" % (path, allowed))
+    return values
+
+
 def yaml_number(value):
     """Text of a float with all its digits that every YAML reader takes for a number: YAML 1.1 asks for a point in 1.0e-05."""
     mantissa, e, exponent = repr(float(value)).partition("e")

@@ -9,11 +9,10 @@ from matplotlib.patches import Rectangle
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
-from vi_ekf_slam.common.csv_columns import read_columns
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.evaluation.run_io import LANDMARK_COLUMNS, read_run
+from vi_ekf_slam.evaluation.run_io import read_run
 from vi_ekf_slam.evaluation.top_view import plain, view_limits
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
@@ -27,8 +26,11 @@ class Map:
 
     def __init__(self, folder):
         run = read_run(folder)
-        columns = read_columns(os.path.join(folder, "landmarks.csv"), LANDMARK_COLUMNS, allow_empty=True)
-        self.ids, self.positions = columns["id"].astype(np.int64), run.landmarks
+        path = os.path.join(folder, "landmarks.csv")
+        self.ids = np.array([])
+        if len(run.landmarks):  # of 64 bits
+            self.ids = np.loadtxt(path, np.uint64, delimiter=",", skiprows=1, usecols=0, ndmin=1)
+        self.positions = run.landmarks
         self.trajectory = run.poses[:, :3, 3]
 
     def select(self, tracks, least):

@@ -7,7 +7,7 @@ import numpy as np
 
 from vi_ekf_slam.common.csv_columns import read_columns
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.pose_files import read_tum
 
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
@@ -99,10 +99,7 @@ def read_summary(path):
     """summary.yaml -> dict; a run without one has an empty summary."""
     if not os.path.exists(path):
         return {}
-    summary = read_yaml(path)
-    if not isinstance(summary, dict):
-        raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
-    return summary
+    return read_mapping(path)
 
 
 def read_covariances(path, stamps):

@@ -14,7 +14,7 @@ import yaml
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.output_file import make_directory, write_text
 from vi_ekf_slam.common.package_files import package_file
-from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
 from vi_ekf_slam.evaluation.offline_run import run_bag
@@ -61,9 +61,7 @@ def run_stream(path, folder, config=None):
 
 def calibrated_config(path, noise):
     """Text of the configuration at `path` with the IMU's calibration `noise`."""
-    config = read_yaml(path)
-    if not isinstance(config, dict):
-        raise InputError("%s: holds no mapping, allowed: a configuration" % path)
+    config = read_mapping(path, "a configuration")
     config.setdefault("inertial", {})["imu_calibration"] = os.path.abspath(noise)
     return yaml.safe_dump(config, sort_keys=False)
 

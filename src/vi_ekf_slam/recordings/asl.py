@@ -12,8 +12,9 @@ import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.recordings import truth_poses
-from vi_ekf_slam.recordings.calibration_files import camchain, read_mapping, sensor_camera, sensor_pose, timeshift
+from vi_ekf_slam.recordings.calibration_files import camchain, sensor_camera, sensor_pose, timeshift
 from vi_ekf_slam.recordings.csv_table import read_rows, read_stamp, read_table
 from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml

@@ -5,18 +5,10 @@ import numpy as np
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
-from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings.rectification import MODELS, RawCamera
 MAX_TIME_OFFSET = 1.0  # s
-
-
-def read_mapping(path):
-    """The mapping in a YAML file."""
-    values = read_yaml(path)
-    if not isinstance(values, dict):
-        raise InputError("%s: holds no mapping, allowed: `key: value` lines" % path)
-    return values
 
 
 def sensor_pose(values, path):

@@ -9,10 +9,11 @@ import numpy as np
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform
+from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings import asl
-from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, read_mapping, sensor_camera, sensor_pose,
-                                                      timeshift, transform)
+from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, sensor_camera, sensor_pose, timeshift,
+                                                      transform)
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera

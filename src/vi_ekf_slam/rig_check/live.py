@@ -3,6 +3,7 @@
 import threading
 import time
 
+from vi_ekf_slam.bag.connections import stored
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.rig_check import topics as names
 
@@ -46,12 +47,11 @@ class _Writer:
         now = time.time()
         header = dict(message._connection_header, topic=topic)
         raw = header["type"], message._buff, header["md5sum"], None
-        stored = {key: header[key] for key in ("topic", "type", "md5sum", "message_definition", "callerid", "latching") if key in header}
         with self._lock:
             if self._bag is None or self._bytes > MAX_BYTES:
                 return
             self._bytes += len(message._buff)
-            self._bag.write(topic, raw, genpy.Time.from_sec(now), raw=True, connection_header=stored)
+            self._bag.write(topic, raw, genpy.Time.from_sec(now), raw=True, connection_header=stored(header))
 
     def close(self):
         """No more is written."""

@@ -12,6 +12,7 @@ import rosbag
 import rosgraph
 import rospy
 
+from vi_ekf_slam.bag.connections import stored
 from vi_ekf_slam.common.exit_status import EXIT_REFUSED
 from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 
@@ -75,7 +76,7 @@ class OutputRecorder:
             os.makedirs(os.path.dirname(self.path), exist_ok=True)
             self.bag = rosbag.Bag(self.path + ".active", "w")
         raw = header["type"], message._buff, header["md5sum"], None
-        self.bag.write(topic, raw, time, raw=True, connection_header=_stored(header))
+        self.bag.write(topic, raw, time, raw=True, connection_header=stored(header))
         self.written[topic] = time
         self.held.pop(topic, None)
 
@@ -99,12 +100,6 @@ def _require_writable(path):
         folder = os.path.dirname(folder)
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK | os.X_OK):
         raise OSError("%s: cannot be made in %s" % (path, folder))
-
-
-def _stored(header):
-    """The fields of a connection's header that belong into a bag."""
-    names = ("topic", "type", "md5sum", "message_definition", "callerid", "latching")
-    return {name: header[name] for name in names if name in header}
 
 
 def main():

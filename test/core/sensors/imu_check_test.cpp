@@ -102,7 +102,7 @@ TEST(ImuCheck, TellsSamplesThatComeTooLateFromNone) {
   ImuCheck check(kGravity);
   Said said = saidOf(check, regular(0.0, 2.0, 0.01));
   check.onProblem([&said](const std::string& text) { said.push_back(text); });
-  for (double t = 2.0; t < 3.0; t += 0.1) {
+  for (double t = 2.5; t < 3.0; t += 0.1) {
     check.arrived(fromSeconds(t - 0.4)); // and is dropped
     check.noteFrame(fromSeconds(t));
   }

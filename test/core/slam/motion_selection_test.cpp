@@ -27,13 +27,24 @@ TEST(MotionSelection, IsInertialForAnImuWithAccelerationsThatIsFastEnough) {
 TEST(MotionSelection, IsAConstantTwistForASlowImuOneWithoutAccelerationsAndNone) {
   MotionSelection slow{Config()}, gyro_alone{Config()}, none{Config()};
   for (int i = 0; i < 1000 && slow.isOpen(); ++i) slow.note(accelerated(0.1 * i));
-  gyro_alone.note(gyro(0.0));
+  for (int i = 0; i < 3; ++i) gyro_alone.note(gyro(0.1 * i));
   none.close();
   EXPECT_EQ(slow.choice(), MotionChoice::kConstantTwist);
   EXPECT_NE(slow.text().find("less than 50 Hz"), std::string::npos) << slow.text();
   EXPECT_EQ(gyro_alone.choice(), MotionChoice::kConstantTwist);
   EXPECT_NE(gyro_alone.text().find("no acceleration"), std::string::npos) << gyro_alone.text();
   EXPECT_EQ(none.text(), "constant twist, there is no IMU");
+}
+
+TEST(MotionSelection, IsInertialThoughTheFirstMessagesOfADriverAreEmpty) {
+  MotionSelection selection{Config()};
+  for (int i = 0; i < 10 && selection.isOpen(); ++i)
+    selection.note(i < 2 ? gyro(0.01 * i) : accelerated(0.01 * i));
+  EXPECT_TRUE(selection.isInertial()) << selection.text();
+  MotionSelection short_one{Config()};
+  short_one.note(gyro(0.0));
+  short_one.close();
+  EXPECT_NE(short_one.text().find("no acceleration"), std::string::npos) << short_one.text();
 }
 
 // A frame with a stamp that is none, and a reset while nothing has decided.
@@ -73,9 +84,9 @@ TEST(MotionSelection, TellsOfItsDecisionOnceAndKeepsToIt) {
   MotionSelection selection{Config()};
   int told = 0;
   selection.onDecision([&] { told += selection.isOpen() ? 100 : 1; });
-  selection.note(gyro(0.0));
+  for (int i = 0; i < 3; ++i) selection.note(gyro(0.01 * i));
   selection.decide(MotionChoice::kInertial, "to try");
-  for (int i = 1; i < 10; ++i) selection.note(accelerated(0.01 * i));
+  for (int i = 3; i < 12; ++i) selection.note(accelerated(0.01 * i));
   selection.close();
   EXPECT_EQ(told, 1);
   EXPECT_EQ(selection.choice(), MotionChoice::kConstantTwist);

@@ -21,6 +21,14 @@ def test_landmarks_that_were_seen_long_enough_are_drawn(run):
     assert np.array_equal(positions[:, 0], [20, 5000]) and late.tolist() == [True, False]
 
 
+def test_ids_have_all_their_bits(run):
+    path, first = run / "landmarks.csv", 2**63 + 5  # as a loaded map's
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([header] + ["%d,%s" % (first + k, row.split(",", 1)[1]) for k, row in enumerate(rows)]) + "\n")
+    positions, _ = Map(str(run)).select({first + 1: (12, 0.9)}, 10)
+    assert len(positions) == 1
+
+
 def test_the_enlarged_part_is_where_all_maps_have_landmarks():
     trajectory = np.column_stack([np.arange(0.0, 301.0, 100.0), np.zeros(4), np.zeros(4)])
     here, there, back = (np.array([[x, k, 0.0] for k in range(5)]) for x in (0.0, 100.0, 200.0))

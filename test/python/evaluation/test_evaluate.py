@@ -333,7 +333,7 @@ def test_ellipses_are_enlarged_until_they_are_seen(deviation, factor):
     assert top_view.enlargement(np.full(9, deviation), 5.0) == factor
 
 
-def test_an_ellipse_has_the_axes_of_its_covariance(full_run):
+def test_an_ellipse_has_the_axes_of_its_covariance():
     # [[2, 1], [1, 2]] m^2: standard deviations sqrt(3) m at 45 deg and 1 m; 95 % lie within 2.4477 of them.
     covariance = np.array([[[2.0, 1.0, 0], [1.0, 2.0, 0], [0, 0, 1.0]]])
     line = np.array([[0.0, 0, 0], [200.0, 100.0, 0]])

@@ -97,7 +97,7 @@ def test_transforms_lead_from_the_imu_to_the_raw_cameras(drive, tmp_path):
     assert np.allclose(imu_T_cam, [[0, 0, 1, 0.1], [-1, 0, 0, 0.05], [0, -1, 0, 0.05], [0, 0, 0, 1]])
 
 
-def test_a_camchain_says_the_same_as_the_sensors(drive, tmp_path):
+def test_a_camchain_says_the_same_as_the_sensors(drive):
     folder = drive("asl")
     expected = load_asl(str(folder), options())
     first = inverse(expected.imu_T_left)

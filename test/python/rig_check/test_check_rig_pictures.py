@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import rigs
 
-from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.recordings import asl
 from vi_ekf_slam.rig_check.checker import make_report
 from vi_ekf_slam.rig_check.finding import GREEN, RED, YELLOW

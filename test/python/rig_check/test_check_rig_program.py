@@ -136,7 +136,7 @@ def _wait_for(topic, environment):
         time.sleep(0.1)
 
 
-def test_without_a_master_live_is_refused(tmp_path, capfd):
+def test_without_a_master_live_is_refused():
     environment = dict(os.environ, ROS_MASTER_URI="http://localhost:1")
     done = subprocess.run([sys.executable, script_path("check_rig.py"), "--live", "1"], env=environment, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, timeout=120)

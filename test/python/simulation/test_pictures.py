@@ -117,7 +117,7 @@ def test_a_point_seen_in_both_pictures_is_at_the_depth_of_its_wall(drawn):
     assert np.median(depths[np.abs(depths - 2.05) < 0.5]) == pytest.approx(2.05, abs=0.05)
 
 
-def test_the_same_seed_draws_the_same(drawn, tmp_path):
+def test_the_same_seed_draws_the_same(tmp_path):
     options = ["--images", "--scene", "room", "--duration", "5", "--laps", "0.2", "--frame-rate", "1", "--quiet"]
     for name, seed in (("a", "3"), ("b", "3"), ("c", "4")):
         assert main([str(tmp_path / name), "--seed", seed] + options) == 0

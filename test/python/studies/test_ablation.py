@@ -6,6 +6,8 @@ import os
 import pytest
 from conftest import ROOT
 
+from vi_ekf_slam.common.yaml_file import read_mapping
+
 
 @pytest.fixture
 def ablation():
@@ -23,7 +25,7 @@ def result(ablation, ate, dead_reckoning=2.0, way=100.0):
 def test_every_row_changes_keys_that_there_are(ablation):
     known = {}
     for name in ("default", "expert", "paper"):
-        known = ablation.changed(known, ablation.load_yaml(os.path.join(ROOT, "config", name + ".yaml")))
+        known = ablation.changed(known, read_mapping(os.path.join(ROOT, "config", name + ".yaml")))
     ablation.check_keys(ablation.ROWS, known)
 
 

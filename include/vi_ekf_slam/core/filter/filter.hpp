@@ -129,6 +129,8 @@ class Filter {
   bool correctCore(const LinearMeasurement& z);
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
   void transportPose(const Eigen::Vector3d& before);
+  /// Rows from `row` on have this covariance, and none with any other.
+  void makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& covariance);
   void moveInactive(const std::vector<InactiveStore::Estimate>& before);
   void erase(const Variables::Gone& gone, Eigen::Index rows_before);
   void reserve(Eigen::Index rows);

@@ -65,6 +65,9 @@ using Measurement = std::variant<ImuSample, VelocitySample, StereoFrame>;
 /// The streams that a Measurement can come from, in the order in which equal stamps are processed.
 enum class Stream : std::size_t { kImu = 0, kVelocity = 1, kStereo = 2 };
 constexpr std::size_t kStreamCount = std::variant_size_v<Measurement>;
+/// In the order of Stream: of the sensors, as counts are named, and of the topics.
+constexpr std::array<const char*, kStreamCount> kSensorNames = {"gyro", "velocity", "stereo"},
+                                                kTopicNames = {"imu", "velocity", "features"};
 
 inline Stream streamOf(const Measurement& m) { return static_cast<Stream>(m.index()); }
 

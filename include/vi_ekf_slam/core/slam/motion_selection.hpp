@@ -39,6 +39,7 @@ class MotionSelection {
 
   MotionChoice choice_;
   bool lacks_imu_ = false; ///< which is why it is a constant twist
+  int without_acceleration_ = 0; ///< samples
   std::string text_;
   ImuRate imu_rate_; ///< of the first samples
   std::function<void()> on_decision_;

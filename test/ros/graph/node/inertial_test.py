@@ -240,9 +240,11 @@ class InertialTest(NodeRunner):
                             ("header.stamp is 0", lambda r: setattr(r.header, "stamp", rospy.Time())),
                             ("header.stamp is 99", lambda r: setattr(r.header, "stamp", rospy.Time.from_sec(START + now + 99.5))),
                             ("pose.orientation has the norm", lambda r: setattr(r.pose.orientation, "w", 7.0)),
-                            ("velocity must be finite", lambda r: setattr(r.velocity, "x", float("nan"))),
-                            ("gyro_bias must be finite, of a norm of at most 10", lambda r: setattr(r.gyro_bias, "y", 11.0)),
-                            ("covariance must be a symmetric positive definite", lambda r: setattr(r, "covariance", [0.0] * 225))):
+                            ("velocity is of norm nan, allowed: finite", lambda r: setattr(r.velocity, "x", float("nan"))),
+                            ("gyro_bias is of norm 11, allowed: finite, of a norm of at most 10",
+                             lambda r: setattr(r.gyro_bias, "y", 11.0)),
+                            ("covariance is not one, allowed: 225 numbers of a symmetric positive definite",
+                             lambda r: setattr(r, "covariance", [0.0] * 225))):
             request = self.request(now)
             spoil(request)
             answer = set_state(request)
