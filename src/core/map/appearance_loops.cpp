@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/core/map/appearance_loops.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"

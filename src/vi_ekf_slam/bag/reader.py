@@ -3,6 +3,7 @@
 import genpy
 import numpy as np
 
+from vi_ekf_slam.bag.connections import STATIC_TOPIC
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
 from vi_ekf_slam.bag.transforms import chain
@@ -30,8 +31,8 @@ def read_reference(path, imu=None):
     stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
     with open_bag(path) as bag:
         require_bounded_chunks(bag, path)
-        for topic, message, _ in bag.read_messages(["/tf_static", "/ground_truth/path"]):
-            if topic == "/tf_static":
+        for topic, message, _ in bag.read_messages([STATIC_TOPIC, "/ground_truth/path"]):
+            if topic == STATIC_TOPIC:
                 transforms.extend(message.transforms)
             else:
                 truth = _read_path(message)

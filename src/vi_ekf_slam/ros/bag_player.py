@@ -15,9 +15,10 @@ from roslib.packages import find_node
 from rosgraph_msgs.msg import Clock
 from tf2_msgs.msg import TFMessage
 
+from vi_ekf_slam.bag.connections import STATIC_TOPIC
 from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 from vi_ekf_slam.ros.own_launch import end_own_launch
-from vi_ekf_slam.ros.recorded_bag import STATIC_TRANSFORMS, TRANSFORMS, OwnTransforms, PlayError, RecordedBag, find_bag
+from vi_ekf_slam.ros.recorded_bag import TRANSFORMS, OwnTransforms, PlayError, RecordedBag, find_bag
 
 # A recorder that has not subscribed by then (wall time) will not.
 START_LIMIT_S = 30.0
@@ -42,7 +43,7 @@ class Player:
             find_node("rosbag", "play")[0], "--clock", "--keep-alive", "--wait-for-subscribers", "--quiet", "--queue=0",
             "--rate=%s" % rate] + window + ["--topics"] + bag.played + [
                 "--bags", bag.path, "%s:=%s" % (TRANSFORMS, rospy.resolve_name("~tf")),
-                "%s:=%s" % (STATIC_TRANSFORMS, rospy.resolve_name(STATIC_TRANSFORMS))])
+                "%s:=%s" % (STATIC_TOPIC, rospy.resolve_name(STATIC_TOPIC))])
         self.process = None
 
     def __enter__(self):

@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, Imu
 from tf2_msgs.msg import TFMessage
 
+from vi_ekf_slam.bag.connections import STATIC_TOPIC
 from vi_ekf_slam.msg import StereoFeatureArray
 
 MEASUREMENTS = {"imu": Imu, "velocity": TwistWithCovarianceStamped, "wheel_odometry": Odometry,
@@ -19,7 +20,7 @@ INPUTS = dict(MEASUREMENTS, **{"twist_bias": TwistWithCovarianceStamped, "left/c
 IMAGES = ("left/image", "right/image")
 NOT_PLAYED = ("odometry", "dead_reckoning/odometry", "pose", "path", "dead_reckoning/path", "landmarks", "landmark_cloud",
               "loop_closures", "initialpose", "front_end/image", "/clock", "/diagnostics", "/diagnostics_agg", "/rosout", "/rosout_agg")
-TRANSFORMS, STATIC_TRANSFORMS = "/tf", "/tf_static"
+TRANSFORMS = "/tf"
 IMAGE_KINDS = {"raw": Image, "compressed": CompressedImage}  # by transport; of another one only its plugin knows
 LAST_S = 5.0  # s before the end, within which the last message of each measurement is looked for
 
@@ -44,7 +45,7 @@ class RecordedBag:
             rospy.resolve_name(name) + ("" if transport == "raw" else "/" + transport) for name in IMAGES]
         self.is_from_images = transport is not None
         self.inputs = {rospy.resolve_name(name): kind for name, kind in INPUTS.items()}
-        self.inputs.update({TRANSFORMS: TFMessage, STATIC_TRANSFORMS: TFMessage})
+        self.inputs.update({TRANSFORMS: TFMessage, STATIC_TOPIC: TFMessage})
         if self.is_from_images:
             del self.inputs[rospy.resolve_name("features")]  # an earlier run's
             self.inputs.update({topic: IMAGE_KINDS.get(transport) for topic in self.frames})

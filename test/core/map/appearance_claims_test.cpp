@@ -86,7 +86,7 @@ TEST(AppearanceClaims, WhereNothingIsTrackedThreeMustAgree) {
 }
 
 // Known to 0.5 m at 10 m it may be anywhere within 100 px, where others look like it.
-TEST(AppearanceClaims, WhoseTheirPlaceIsHardlyKnownThreeMustAgree) {
+TEST(AppearanceClaims, WhereTheirPlaceIsHardlyKnownThreeMustAgree) {
   const Eigen::Vector3d here = Eigen::Vector3d::Zero(), there(0.0, 0.6, 0.0);
   EXPECT_EQ(Expected(0.5, 1).seenAt({there}), 0u);
   EXPECT_EQ(Expected(0.5, 3).seenAt({here, here, here}), 3u);
