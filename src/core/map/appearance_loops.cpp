@@ -48,10 +48,10 @@ bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
 
 } // namespace
 
-AppearanceLoops::AppearanceLoops() : agreement_(PlaceAgreement::byLooks()) {}
+AppearanceLoops::AppearanceLoops() : look_ups_(kMostLookUps), agreement_(PlaceAgreement::byLooks()) {}
 
 void AppearanceLoops::restart() {
-  look_ups_.clear();
+  look_ups_.restart();
   agreement_.restart();
   known_ = AppearanceIndex();
   next_index_.reset();
@@ -64,7 +64,11 @@ Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Set
     index(filter, map);
   }
   if (known_.isEmpty()) return {};
-  lookUp(filter, map);
+  look_ups_.update(
+      map, known_, [&map](const Landmark& l) { return mayReturn(l, map); },
+      [&filter](const Landmark& l) {
+        return [reach = Reach(filter, l.variable)](const KnownLook& known) { return reach.allows(known); };
+      });
   if (next_attempt_ && now < *next_attempt_) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
   if (const auto found = recognise(filter, map)) {
@@ -87,7 +91,7 @@ bool AppearanceLoops::confirms(const Recognition& found, const Filter& filter, c
 Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map) {
   agreement_.restart();
   const Revisit revisit = fuseMatches(filter, map, found.matches, kLeastMatches, kCornerSigma).revisit;
-  for (const auto& [is_now, was] : found.matches) look_ups_.erase(is_now);
+  for (const auto& [is_now, was] : found.matches) look_ups_.forget(is_now);
   return revisit;
 }
 
@@ -111,42 +115,16 @@ void AppearanceLoops::index(const Filter& filter, const LandmarkMap& map) {
   known_ = AppearanceIndex(std::move(known));
 }
 
-/// Of those in view the ones first that have not been looked up, and again when twice as much has been seen.
-void AppearanceLoops::lookUp(const Filter& filter, const LandmarkMap& map) {
-  std::unordered_map<FeatureId, LookUp> in_view;
-  std::size_t done = 0;
-  for (const Landmark& landmark : map.active()) {
-    if (!mayReturn(landmark, map)) continue;
-    const auto last = look_ups_.find(landmark.id);
-    LookUp& look_up = in_view[landmark.id];
-    if (last != look_ups_.end()) look_up = last->second;
-    if (look_up.observations * 2 > landmark.observations || done == kMostLookUps) continue;
-    ++done;
-    const Reach reach(filter, landmark.variable);
-    const auto found =
-        known_.find(landmark.descriptors, [&reach](const KnownLook& known) { return reach.allows(known); });
-    look_up = {landmark.observations, std::nullopt};
-    if (found) look_up.before = known_[*found].id;
-  }
-  look_ups_.swap(in_view);
-}
-
 /// The matches on which most agree, as one rigid motion.
 std::optional<Recognition> AppearanceLoops::recognise(const Filter& filter, const LandmarkMap& map) const {
   std::unordered_map<FeatureId, const KnownLook*> known;
   for (std::size_t i = 0; i < known_.size(); ++i) known.emplace(known_[i].id, &known_[i]);
-  std::unordered_map<FeatureId, int> claims; // two landmarks in view cannot be one
-  for (const auto& [id, look_up] : look_ups_) {
-    if (look_up.before) ++claims[*look_up.before];
-  }
   Matches matches;
   std::vector<Displaced> points;
-  for (const Landmark& landmark : map.active()) {
-    const auto look_up = look_ups_.find(landmark.id);
-    if (look_up == look_ups_.end() || !look_up->second.before) continue;
-    const FeatureId before = *look_up->second.before;
+  for (const auto& [index, before] : look_ups_.candidates(map)) {
+    const Landmark& landmark = map.active()[index];
     const auto found = known.find(before);
-    if (found == known.end() || claims[before] > 1 || !map.isInactive(before)) continue;
+    if (found == known.end() || !map.isInactive(before)) continue;
     matches.emplace_back(landmark.id, before);
     // Its error beside the pose's, and as much of what was seen before.
     points.push_back({found->second->position, filter.variables().point(landmark.variable),

@@ -180,7 +180,7 @@ Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose) {
 }
 
 Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map)
-    : map_(std::move(map)), agreement_(PlaceAgreement::byLooks()) {
+    : map_(std::move(map)), look_ups_(kMostLookUps), agreement_(PlaceAgreement::byLooks()) {
   std::vector<KnownLook> known;
   for (std::size_t i = 0; i < map_->landmarks.size(); ++i) {
     const SavedLandmark& l = map_->landmarks[i];
@@ -216,30 +216,11 @@ Relocaliser::Candidates Relocaliser::candidatesById(const LandmarkMap& landmarks
 
 /// Each that is looked up is compared with the whole map: where the vehicle is, is not known.
 Relocaliser::Candidates Relocaliser::candidatesByLooks(const LandmarkMap& landmarks) {
-  Candidates candidates;
-  std::unordered_map<FeatureId, LookUp> in_view;
-  std::size_t done = 0;
-  for (std::size_t i = 0; i < landmarks.active().size(); ++i) {
-    const Landmark& l = landmarks.active()[i];
-    if (l.observations < kTellingObservations || l.descriptors.isEmpty()) continue;
-    const auto last = look_ups_.find(l.id);
-    LookUp& look_up = in_view[l.id];
-    if (last != look_ups_.end()) look_up = last->second;
-    if (look_up.observations * 2 <= l.observations && done < kMostLookUps) {
-      ++done;
-      look_up.observations = l.observations;
-      look_up.known = known_.find(l.descriptors, [](const KnownLook&) { return true; });
-    }
-    if (look_up.known) candidates.emplace_back(i, known_[*look_up.known].id);
-  }
-  look_ups_.swap(in_view);
-  // Two landmarks in view cannot be one of the map.
-  std::unordered_map<std::size_t, int> claims;
-  for (const auto& candidate : candidates) ++claims[candidate.second];
-  candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
-                                  [&claims](const auto& c) { return claims[c.second] > 1; }),
-                   candidates.end());
-  return candidates;
+  look_ups_.update(
+      landmarks, known_,
+      [](const Landmark& l) { return l.observations >= kTellingObservations && !l.descriptors.isEmpty(); },
+      [](const Landmark&) { return [](const KnownLook&) { return true; }; });
+  return look_ups_.candidates(landmarks);
 }
 
 std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,

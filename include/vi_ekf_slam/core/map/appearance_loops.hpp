@@ -1,13 +1,11 @@
 #pragma once
 
 #include <optional>
-#include <unordered_map>
 
-#include "vi_ekf_slam/core/map/appearance_index.hpp"
 #include "vi_ekf_slam/core/map/fuse_matches.hpp"
+#include "vi_ekf_slam/core/map/look_ups.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
 #include "vi_ekf_slam/core/map/settling.hpp"
-#include "vi_ekf_slam/core/observation/stereo_model.hpp"
 
 namespace vi_ekf_slam {
 
@@ -25,21 +23,14 @@ class AppearanceLoops {
   void restart();
 
  private:
-  /// What the look-up of a landmark in view said last.
-  struct LookUp {
-    std::size_t observations = 0; ///< of the landmark by then
-    std::optional<FeatureId> before;
-  };
-
   bool confirms(const Recognition& found, const Filter& filter, const LandmarkMap& map);
   Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map);
   void index(const Filter& filter, const LandmarkMap& map);
-  void lookUp(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;
 
   AppearanceIndex known_;
   std::optional<Stamp> next_index_, next_attempt_;
-  std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view
+  LookUps look_ups_;
   PlaceAgreement agreement_;
 };
 

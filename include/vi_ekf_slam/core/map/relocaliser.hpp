@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "vi_ekf_slam/core/map/appearance_index.hpp"
+#include "vi_ekf_slam/core/map/look_ups.hpp"
 #include "vi_ekf_slam/core/map/place_agreement.hpp"
 #include "vi_ekf_slam/core/map/returning_landmarks.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
@@ -35,12 +35,7 @@ class Relocaliser {
     std::vector<std::pair<FeatureId, std::size_t>> matches;
     bool by_id = true;
   };
-  /// What the look-up of a landmark in view said last.
-  struct LookUp {
-    std::size_t observations = 0; ///< of the landmark by then
-    std::optional<std::size_t> known;
-  };
-  using Candidates = std::vector<std::pair<std::size_t, std::size_t>>; ///< (active one, which of the map)
+  using Candidates = LookUps::Candidates; ///< (active one, which of the map)
   std::optional<Place> find(const Filter& filter, const LandmarkMap& landmarks, const Candidates& candidates,
                             double share) const;
   Candidates candidatesById(const LandmarkMap& landmarks) const;
@@ -53,7 +48,7 @@ class Relocaliser {
   std::shared_ptr<const SavedMap> map_;
   std::unordered_map<FeatureId, std::size_t> index_; ///< of its landmarks, by id
   AppearanceIndex known_;
-  std::unordered_map<FeatureId, LookUp> look_ups_; ///< of landmarks in view
+  LookUps look_ups_;
   PlaceAgreement agreement_;
   std::optional<Stamp> next_attempt_;
 };
