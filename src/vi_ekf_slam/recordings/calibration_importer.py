@@ -92,8 +92,10 @@ def import_calibration(options):
         from vi_ekf_slam.bag.calibration_writer import add_calibration  # needs ROS; complain about inputs first
         count, replaced = add_calibration(options, rig)
         print("bag: %d messages, of them %d of camera_info replaced" % (count, replaced))
-        if rig.time_offset:
-            print("clock: give calibration/time_offset: %.9f in the configuration; a bag has no place for it" % rig.time_offset)
+        own = noise_file and "inertial: {imu_calibration: %s}" % os.path.abspath(noise_file)
+        own = [own, rig.time_offset and "calibration: {time_offset: %.9f}" % rig.time_offset]
+        if any(own):
+            print("\n".join(["a bag has no place for the rest; the configuration needs:"] + ["  " + line for line in own if line]))
     if noise_file:
         write_text(noise_file, kalibr_yaml(rig.noise, options.imu_topic))
     print("\n".join("wrote: %s" % path for path in (options.output, noise_file) if path))

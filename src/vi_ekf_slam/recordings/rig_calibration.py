@@ -19,8 +19,9 @@ from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera
 from vi_ekf_slam.recordings.rectification import rectify
 
-# sensor_msgs/CameraInfo's distortion models and how many coefficients each has.
-ROS_MODELS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,), "fisheye": (4,)}
+# sensor_msgs/CameraInfo's distortion models and how many coefficients each has, as the node takes them (front_end/camera_model.cpp).
+ROS_MODELS = {"plumb_bob": (4, 5, 8), "rational_polynomial": (4, 5, 8), "equidistant": (4,), "fisheye": (4,)}
+PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
 
 RigCalibration = namedtuple("RigCalibration", "format left right imu_T_left left_T_right noise time_offset")
 RigCalibration.__doc__ = """format: text. left, right: recording.Camera. imu_T_left, left_T_right: 4 x 4, of the cameras as
@@ -106,6 +107,11 @@ def _two_files(paths, imu, imu_T_left):
     if left.size != right.size:
         raise InputError("%s: the size is %d x %d px, that of %s %d x %d px, allowed: the same"
                          % (paths[1], *right.size, paths[0], *left.size))
+    for row, column, name in ((0, 0, "fx"), (1, 1, "fy"), (0, 2, "cx"), (1, 2, "cy")):
+        values = [camera.projection[row, column] for camera in (right, left)]
+        if abs(values[0] - values[1]) > PIXEL_TOLERANCE:
+            raise InputError("%s: %s of projection_matrix is %.6g px, that of %s %.6g px, allowed: the same, of a rectified pair"
+                             % (paths[1], name, values[0], paths[0], values[1]))
     baseline = -right.projection[0, 3] / right.projection[0, 0]
     checks.require_positive(baseline, "%s: baseline of projection_matrix, -P[3] / P[0]" % paths[1], "m")
     left_T_right = inverse(make_transform(left.rectification, np.zeros(3))) @ make_transform(
@@ -135,8 +141,8 @@ def _ros_camera(path):
     checks.require_intrinsics(projection[:, :3], path + ": projection_matrix")
     rotation = check_transform(make_transform(matrix("rectification_matrix", 3, 3), np.zeros(3)),
                                path + ": rectification_matrix")[:3, :3]
-    if model == "plumb_bob":
-        distortion = np.append(distortion, np.zeros(5 - distortion.size))
+    if model == "plumb_bob" and distortion.size == 4:
+        distortion = np.append(distortion, 0.0)
     return Camera(size, intrinsics, "equidistant" if model == "fisheye" else model, distortion, rotation, projection)
 
 

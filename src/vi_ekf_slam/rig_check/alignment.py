@@ -21,6 +21,10 @@ steps of the motion they are; times (N,) s after the first."""
 MAX_OFFSET, COARSE, FINE = 0.5, 0.005, 0.0005  # s
 OUTLIER = 4.0  # sigma
 LEAST_STEPS = 20
+SIGMAS = 5.0
+# Noise alone makes of the entries of camera^T gyro / sigma^2 sqrt(N) sigma_c sigma_g / sigma^2, sqrt(N) / 2 at most, of both signs: a
+# prior of ten times that decides the axes of which nothing else tells, and is little beside a turn that is seen.
+PRIOR = 10.0 * 0.5
 MIRRORED = 0.05  # by which a reflection must fit better, in correlation
 
 
@@ -60,12 +64,12 @@ def _correlation(camera, gyro, mirrored=False):
     return float((s[0] + s[1] + sign * s[2]) / max(1e-12, np.linalg.norm(camera) * np.linalg.norm(gyro)))
 
 
-def rotation_near(camera, gyro, sigma, prior, prior_sigma=1.0):
+def rotation_near(camera, gyro, sigma, prior):
     """The rotation C that fits camera = C gyro, where the data leave it free the one nearest to `prior` (3, 3).
 
-    prior_sigma rad: weak beside any turn that is seen. A constant C' minimises sum |c - C g|^2 / sigma^2 + |C - prior|^2 / prior_sigma^2.
+    It minimises sum |c - C g|^2 / sigma^2 + PRIOR sqrt(N) |C - prior|^2.
     """
-    return nearest_rotation(camera.T @ gyro / sigma**2 + prior / prior_sigma**2)
+    return nearest_rotation(camera.T @ gyro / sigma**2 + PRIOR * np.sqrt(len(camera)) * prior)
 
 
 def align(motion, stamps, gyro):
@@ -121,15 +125,25 @@ def _peak(x, y):
     return float(x[k] + (0.5 * (x[1] - x[0]) * (y[k - 1] - y[k + 1]) / curvature if curvature < 0.0 else 0.0))
 
 
+Misalignment = namedtuple("Misalignment", "angle sigmas sure known rotation")
+Misalignment.__doc__ = """angle rad: of the least turn that makes a stated rotation fit; sigmas: how many of its sigmas that is. sure rad: what
+remains of it when each axis is granted SIGMAS of its own. known rad: sigma about the worst axis. rotation (3, 3): that fits."""
+
+
 def misalignment(alignment, stated):
-    """(angle rad of the least turn that makes `stated` (3, 3) fit, how many of its sigmas that is, the rotation that fits)."""
+    """Misalignment of `stated` (3, 3)."""
     scale = np.sqrt(alignment.scale[0] * alignment.scale[1])
     gyro = scale * alignment.gyro
     found = rotation_near(alignment.camera, gyro, alignment.sigma, stated)
     error = so3_log(found @ stated.T)
     predicted = gyro @ stated.T
-    information = sum(-hat(w) @ hat(w) for w in predicted) / alignment.sigma**2
-    return float(np.linalg.norm(error)), float(np.sqrt(max(0.0, error @ information @ error))), found
+    # The gyro's noise is no turn. It is at most what remains, and counts about the two axes across each of its own.
+    information = sum(-hat(w) @ hat(w) for w in predicted) / alignment.sigma**2 - 2.0 * len(predicted) * np.eye(3)
+    values, axes = np.linalg.eigh(information)
+    sigmas = 1.0 / np.sqrt(np.maximum(values, 1e-9))
+    parts = np.abs(axes.T @ error)
+    return Misalignment(float(np.linalg.norm(error)), float(np.linalg.norm(parts / sigmas)),
+                        float(np.linalg.norm(np.maximum(0.0, parts - SIGMAS * sigmas))), float(min(sigmas[0], np.pi)), found)
 
 
 def axis_turns():
@@ -154,8 +168,8 @@ def explain(alignment, stated, limit):
                   ("it looks left out: both have the same axes", np.eye(3))]
     candidates += [("axes look exchanged, %s" % _words(turn), stated @ turn) for turn in axis_turns()]
     for text, candidate in candidates:
-        angle, sigmas, _ = misalignment(alignment, candidate)
-        if angle < limit or sigmas < 3.0 and angle < 2.0 * limit:
+        found = misalignment(alignment, candidate)
+        if found.angle < limit or found.sigmas < 3.0 and found.angle < 2.0 * limit:
             return text
     return ""
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from vi_ekf_slam.common.geometry import make_transform, rotation_error
+from vi_ekf_slam.recordings.rig_calibration import PIXEL_TOLERANCE
 
-PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
 MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
 MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
 COEFFICIENTS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (0, 4, 5, 8), "equidistant": (4,), "fisheye": (4,)}  # of D, by the model

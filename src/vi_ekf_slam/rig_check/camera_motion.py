@@ -1,21 +1,26 @@
-"""How the left camera turns and moves from frame to frame: triangulated points of one frame, seen in the next (PnP, RANSAC)."""
+"""How the left camera turns and moves from frame to frame: triangulated points of one frame, seen in the next (PnP, RANSAC), refined."""
 
 from collections import namedtuple
 
 import cv2
 import numpy as np
 
+from vi_ekf_slam.common.geometry import so3_log
 from vi_ekf_slam.rig_check.images import read_pairs
+from vi_ekf_slam.rig_check.two_frames import refine
 
-Motion = namedtuple("Motion", "begin end rotation translation tracks picture_ms")
+Motion = namedtuple("Motion", "begin end rotation translation tracks rotation_sigma picture_ms")
 Motion.__doc__ = """N steps. begin, end (N,) ns: stamps. rotation (N, 3) rad: Log of the rotation from the axes at the end to those at
-the beginning; translation (N, 3) m of the camera, in its axes at the beginning. tracks (N,): points that agree. picture_ms: ms of
-wall time to find the points of one pair; 0 for features."""
+the beginning; translation (N, 3) m of the camera, in its axes at the beginning, NaN: the points do not tell it. tracks (N,): points
+that agree. rotation_sigma (N,) rad: standard deviation of the rotation, of all axes together, by the points' residuals. picture_ms: ms
+of wall time to find the points of one pair; 0 for features."""
 
 MAX_FRAMES = 200  # that are looked at: those in which the gyro, or else time, is busiest
 FEWEST = 12  # points of a step
-INLIER = 1.5  # px, RANSAC
-MIN_DISPARITY = 0.5  # px: points beyond tell the rotation alone, and their depth does not matter for it
+INLIER = 3.0  # px, RANSAC, to begin with: a near point is off by more than its pixel, since its depth is
+MIN_DISPARITY = 0.5  # px: of points to begin with
+# s: between two frames closer together points hardly move, and noise divided by a short time counts as motion. 10 Hz, with jitter.
+MIN_STEP = 0.09
 MAX_STEP = 0.5  # s: beyond it two frames are not neighbours
 CORNERS = 200
 WINDOW, LEVELS = (21, 21), 4
@@ -29,7 +34,7 @@ def estimate_motion(rig):
     steps = _features(rig) if "features" in rig.streams else _pictures(rig)
     rows, times, ms = [], [], []
     for begin, end, before, after, wall in steps:
-        found = _solve(rig.cameras[0].P[:, :3], _baseline(rig), before, after)
+        found = _solve(rig.cameras[0].P[:, :3], _baseline(rig), before, after, "features" not in rig.streams)
         if found is not None:
             times.append((begin, end))
             rows.append(found)
@@ -37,7 +42,7 @@ def estimate_motion(rig):
     if not rows:
         return None
     times, table = np.array(times, dtype=np.int64), np.array(rows)
-    return Motion(times[:, 0], times[:, 1], table[:, :3], table[:, 3:6], table[:, 6], float(np.median(ms)))
+    return Motion(times[:, 0], times[:, 1], table[:, :3], table[:, 3:6], table[:, 6], table[:, 7], float(np.median(ms)))
 
 
 def _baseline(rig):
@@ -45,25 +50,39 @@ def _baseline(rig):
     return -P[0, 3] / P[0, 0]
 
 
-def _solve(K, baseline, before, after):
-    """(7,) rotation, translation, number of points; None where they do not agree. before (N, 4), after (N, 2) px, rectified."""
+def _solve(K, baseline, before, after, corners):
+    """(8,) rotation, translation, number of points, the rotation's sigma; None where they do not agree. before (N, 4), after (N, 2) px.
+    corners: whether the points are corners of the left picture before."""
     disparity = before[:, 0] - before[:, 2]
-    good = (disparity > MIN_DISPARITY) & (np.abs(before[:, 1] - before[:, 3]) < 3.0) & np.isfinite(after).all(axis=1)
-    if good.sum() < FEWEST:
+    sound = (np.abs(before[:, 1] - before[:, 3]) < 3.0) & np.isfinite(disparity) & np.isfinite(after).all(axis=1)
+    near = sound & (disparity > MIN_DISPARITY)
+    if near.sum() < FEWEST:
         return None
-    before, after, disparity = before[good], np.ascontiguousarray(after[good]), disparity[good]
-    depth = K[0, 0] * baseline / disparity
-    points = np.column_stack([(before[:, :2] - K[:2, 2]) / [K[0, 0], K[1, 1]], np.ones(len(depth))]) * depth[:, None]
+    depth = K[0, 0] * baseline / disparity[near]
+    points = np.column_stack([(before[near, :2] - K[:2, 2]) / [K[0, 0], K[1, 1]], np.ones(len(depth))]) * depth[:, None]
     # EPNP of few points fails on far ones; it starts from no motion, which neighbouring frames are near to.
     ok, rotation, translation, inliers = cv2.solvePnPRansac(
-        points, after, K, None, np.zeros((3, 1)), np.zeros((3, 1)), True, 100, INLIER, 0.999, None, cv2.SOLVEPNP_ITERATIVE)
+        points, np.ascontiguousarray(after[near]), K, None, np.zeros((3, 1)), np.zeros((3, 1)), True, 100, INLIER, 0.999, None,
+        cv2.SOLVEPNP_ITERATIVE)
     if not ok or inliers is None or len(inliers) < max(FEWEST, 0.3 * len(points)):
         return None
-    inside = inliers.ravel()
-    rotation, translation = cv2.solvePnPRefineLM(points[inside], after[inside], K, None, rotation, translation)
-    after_R_before = cv2.Rodrigues(rotation)[0]
-    moved = -(after_R_before.T @ translation).ravel()
-    return np.concatenate([-rotation.ravel(), moved, [len(inside)]])
+    agree = np.zeros(len(before), dtype=bool)
+    agree[np.flatnonzero(near)[inliers.ravel()]] = True
+    # Of all points: to take those alone whose disparity noise makes large is to take near ones for far ones.
+    found = refine(K, baseline, before[sound], after[sound], (cv2.Rodrigues(rotation)[0], translation.ravel()), agree[sound], corners)
+    if found is None or found[3].sum() < max(FEWEST, 0.3 * sound.sum()):
+        return None
+    after_R_before, translation, sigma, agree = found
+    return np.concatenate([-so3_log(after_R_before), -(after_R_before.T @ translation), [agree.sum(), sigma]])
+
+
+def _apart(stamps):
+    """Indices of the frames that are taken, the first and each that is MIN_STEP after the one before. stamps (N,) ns, rising."""
+    taken = []
+    for k, stamp in enumerate(stamps):
+        if not taken or stamp - stamps[taken[-1]] >= MIN_STEP * 1e9:
+            taken.append(k)
+    return np.array(taken, dtype=int)
 
 
 def busiest(rig, stamps):
@@ -83,6 +102,7 @@ def busiest(rig, stamps):
 def _features(rig):
     stamps = rig.streams["features"].stamps
     order = np.argsort(stamps, kind="stable")
+    order = order[_apart(stamps[order])]
     order = order[busiest(rig, stamps[order])]
     for a, b in zip(order[:-1], order[1:]):
         if not 0 < stamps[b] - stamps[a] < MAX_STEP * 1e9:
@@ -97,7 +117,8 @@ def _pictures(rig):
     if rig.pairs is None or not len(rig.pairs):
         return
     stamps = rig.streams["left_image"].stamps[rig.pairs[:, 0]]
-    part = busiest(rig, stamps)
+    apart = _apart(stamps)
+    part = apart[busiest(rig, stamps[apart])]
     stamps, held, last = stamps[part], None, None
     rectify = [camera.rectify if not rig.rectified else (lambda pixels: pixels.astype(float)) for camera in rig.cameras]
     for k, left, right in read_pairs(rig, rig.pairs[part]):

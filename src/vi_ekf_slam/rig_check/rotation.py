@@ -9,6 +9,7 @@ from vi_ekf_slam.rig_check.camera_motion import estimate_motion
 from vi_ekf_slam.rig_check.imu_units import BIAS_SIGMAS, GRAVITY
 
 LEAST_RATE = 0.03  # rad/s, standard deviation of the camera's rate: ten times its noise with 100 tracks at 10 Hz
+NOISES = 3.0  # and so many times the noise that the points of this recording make: less of it may be noise alone
 LEAST_CORRELATION = 0.8
 DEGREES = 180.0 / np.pi
 UNIT_TOLERANCE = 1.25  # factor, about a unit that is taken for another; beyond it, whatever the unit, it is red
@@ -16,7 +17,6 @@ SCALE_LIMITS = (0.9, 1.1)  # a MEMS gyro's scale is good to 0.03, the camera's f
 # A tilt by this turns gravity into an acceleration of the accelerometer's prior bias, which the filter can still take.
 ANGLE_YELLOW = BIAS_SIGMAS[1] / GRAVITY  # rad
 ANGLE_RED = 3.0 * ANGLE_YELLOW
-SIGMAS = 5.0
 # px that all points move by in the time of the offset, when the camera turns as fast as it does at 95 %.
 # 2 sigma of invariant/pixel_sigma: less is lost in what the points are off themselves; 5: beyond what gates let pass.
 PIXELS_YELLOW, PIXELS_RED = 2.0, 5.0
@@ -42,7 +42,7 @@ def check_gyro(rig, report):
     a = rig.alignment
     low, high = a.scale
     figure = "the camera turns %.4g to %.4g times as fast (correlation %.3f)" % (low, high, a.correlation)
-    limit = "%g to %g" % SCALE_LIMITS
+    limit, unsure = "%g to %g" % SCALE_LIMITS, 3.0 * a.sigma / np.linalg.norm(a.gyro)
     for factor, text, advice in ((1.0 / DEGREES, "the gyro is in deg/s", "it must be in rad/s: multiply by pi / 180"),
                                  (DEGREES, "the gyro is converted to rad/s twice", "multiply by 180 / pi")):
         if low < UNIT_TOLERANCE * factor and high > factor / UNIT_TOLERANCE:
@@ -51,8 +51,10 @@ def check_gyro(rig, report):
     if a.mirrored:
         report.red("an axis of the gyro has the wrong sign", "a reflection fits better than any rotation (%.3f)" % a.correlation, "a rotation",
                    "axes must be right-handed: x forward, y left, z up, positive counter-clockwise")
+    elif low > SCALE_LIMITS[1] >= low - unsure or high < SCALE_LIMITS[0] <= high + unsure:
+        report.unjudged("%s, +- %.2g: turn the rig faster" % (figure, unsure))
     elif low > SCALE_LIMITS[1] or high < SCALE_LIMITS[0]:
-        say = report.red if low > UNIT_TOLERANCE or high < 1.0 / UNIT_TOLERANCE else report.yellow
+        say = report.red if low - unsure > UNIT_TOLERANCE or high + unsure < 1.0 / UNIT_TOLERANCE else report.yellow
         say("gyro and camera differ in how fast they turn", figure, limit, "is the focal length in camera_info that of this resolution? "
             "is the gyro's scale right?")
     else:
@@ -68,20 +70,23 @@ def _align(rig, report):
         report.unjudged("there are %d samples of the gyro" % good.sum())
         return False
     seconds = (motion.end - motion.begin)[:, None] * 1e-9
-    turning = float(np.sqrt(np.sum(np.var(_clipped(motion.rotation / seconds), axis=0))))
+    rates = motion.rotation / seconds
+    ordinary = _ordinary(rates)
+    turning = float(np.sqrt(np.sum(np.var(rates[ordinary], axis=0))))
+    needed = max(LEAST_RATE, NOISES * float(np.median(motion.rotation_sigma / seconds[:, 0])))
     a = align.align(motion, (stamps[good] - int(motion.begin[0])) * 1e-9, gyro[good])
     still = float(np.ptp(gyro[good], axis=0).max())
-    if turning > 3.0 * LEAST_RATE and still < LEAST_RATE and (a is None or a.correlation < LEAST_CORRELATION):
+    if turning > 3.0 * needed and still < LEAST_RATE and (a is None or a.correlation < LEAST_CORRELATION):
         report.red("the gyro does not move while the camera turns", "%.2g rad/s from its least to its largest rate" % still,
                    "%.2g rad/s of the camera" % turning, "is the gyro alive, and on the same body?")
         return False
-    if a is None or turning < LEAST_RATE:
-        report.unjudged("the rig hardly turns (%.2g rad/s of the camera, %g are needed): turn it about all axes" % (turning, LEAST_RATE))
+    if a is None or turning < needed:
+        report.unjudged("the rig hardly turns (%.2g rad/s of the camera, %.2g are needed): turn it about all axes" % (turning, needed))
         return False
     report.draw("correlation of the rates over the offset of the clocks", _draw_offsets(a))
     if a.correlation < LEAST_CORRELATION:
         gyro_rate = float(np.sqrt(np.sum(a.gyro**2) / max(1, len(a.gyro))))
-        if turning > 3.0 * LEAST_RATE and a.correlation < 0.5:
+        if turning > 3.0 * needed and a.correlation < 0.5:
             report.red("gyro and camera do not turn together", "correlation %.2f" % a.correlation, "%g" % LEAST_CORRELATION,
                        "are they on one body? are the clocks off by more than %g s? is the gyro alive (%.2g rad/s)?" % (
                            align.MAX_OFFSET, gyro_rate))
@@ -93,10 +98,10 @@ def _align(rig, report):
     return True
 
 
-def _clipped(rates):
-    """Rates without jumps of the camera's estimate."""
+def _ordinary(rates):
+    """(N,): which rates (N, 3) are no jumps of the camera's estimate."""
     norms = np.linalg.norm(rates, axis=1)
-    return rates[norms <= np.percentile(norms, 95.0)]
+    return norms <= np.percentile(norms, 95.0)
 
 
 def check_rotation(rig, report):
@@ -106,24 +111,26 @@ def check_rotation(rig, report):
         report.unjudged("it needs a rig that turns, and the transform")
         return
     stated = rig.cam_T_imu[:3, :3]
-    angle, sigmas, found = align.misalignment(a, stated)
+    found = align.misalignment(a, stated)
     report.draw("rates about the camera's axes without their means: camera (points), gyro by the stated rotation (lines)", _draw_rates(a, stated))
-    weakest = np.sqrt(np.linalg.eigvalsh(a.camera.T @ a.camera)[:2].sum())
-    known = a.sigma / max(weakest, 1e-9)
-    figure = "known to %.2f deg about the worst axis" % np.degrees(min(known, np.pi))
+    angle, known = np.degrees(found.angle), np.degrees(found.known)
+    figure = "known to %.2f deg about the worst axis" % known
     limit = "%.1f deg" % np.degrees(ANGLE_YELLOW)
-    # The part of it that noise does not explain; errors of the points last, and make more than white noise would.
-    sure = angle * max(0.0, 1.0 - SIGMAS / max(sigmas, 1e-9))
-    if sure < ANGLE_YELLOW:
-        report.green("the rotation from the IMU to the camera", "%.2f deg off, %s" % (np.degrees(angle), figure), limit)
+    # `sure` leaves out what noise explains; errors of the points last, and make more than white noise would.
+    if found.sure < ANGLE_YELLOW and align.SIGMAS * found.known > ANGLE_RED:
+        report.unjudged("about one axis the rotation is known to %.3g deg only, %.1f are needed; about the others it fits: turn the rig about "
+                        "all axes" % (known, np.degrees(ANGLE_RED) / align.SIGMAS))
+        return
+    if found.sure < ANGLE_YELLOW:
+        report.green("the rotation from the IMU to the camera", "%.2f deg off, %s" % (angle, figure), limit)
         return
     # Of the camera as it is mounted, before it is rectified; a child's pose, as /tf has it.
-    imu_R_left = found.T @ Camera(rig.infos["left"]).R
+    imu_R_left = found.rotation.T @ Camera(rig.infos["left"]).R
     command = "rosrun tf2_ros static_transform_publisher X Y Z %.4f %.4f %.4f %.4f %s %s" % (
         tuple(rotation_to_quaternion(imu_R_left)) + (rig.streams["imu"].frame_id, rig.infos["left"].header.frame_id.lstrip("/")))
-    reason = align.explain(a, stated, ANGLE_RED) if angle > 3.0 * ANGLE_RED else ""
-    say = report.red if sure > ANGLE_RED else report.yellow
-    say("imu -> camera is off by %.3g deg%s" % (np.degrees(angle), ": " + reason if reason else ""), figure, limit,
+    reason = align.explain(a, stated, ANGLE_RED) if found.angle > 3.0 * ANGLE_RED else ""
+    say = report.red if found.sure > ANGLE_RED else report.yellow
+    say("imu -> camera is off by %.3g deg%s" % (angle, ": " + reason if reason else ""), figure, limit,
         "the rotation was measured: %s (X Y Z: where the camera is on the IMU, m)" % command)
 
 
@@ -134,20 +141,24 @@ def check_offset(rig, report):
         report.unjudged("it needs a rig that turns")
         return
     # A sample of the IMU may stand for the time before or after its stamp.
-    unsure = SIGMAS * a.offset_sigma + 1e-9 * float(np.median(np.diff(np.unique(rig.streams["imu"].stamps))))
+    noise = align.SIGMAS * a.offset_sigma
+    unsure = noise + 1e-9 * float(np.median(np.diff(np.unique(rig.streams["imu"].stamps))))
     focal = rig.cameras[0].P[0, 0]
     fast = float(np.percentile(np.linalg.norm(a.camera, axis=1), 95.0))
     pixels = abs(a.offset) * fast * focal
     figure = "%+.1f ms +- %.1f, which is %.1f px when turning by %.2g rad/s" % (1e3 * a.offset, 1e3 * unsure, pixels, fast)
     limit = "%g px, or 5 sigma and the IMU's period" % PIXELS_YELLOW
     if abs(a.offset) < unsure or pixels < PIXELS_YELLOW:
+        if max(abs(a.offset), noise) * fast * focal > PIXELS_RED:
+            report.unjudged("%s: turn the rig faster, with an IMU of a higher rate" % figure)
+            return
         report.green("the clocks of camera and IMU agree", figure, limit)
         return
     if abs(a.offset) > 0.98 * align.MAX_OFFSET:
         report.red("the clocks of camera and IMU do not agree", "by more than %g s" % align.MAX_OFFSET, limit, "see how both are stamped")
         return
     say = report.red if pixels > PIXELS_RED else report.yellow
-    say("the camera's stamps are %.3g ms %s" % (1e3 * abs(a.offset), "late" if a.offset < 0.0 else "early"), figure, limit,
+    say("the camera's stamps are %.0f ms %s" % (1e3 * abs(a.offset), "late" if a.offset < 0.0 else "early"), figure, limit,
         "calibration/time_offset: %.4f, with time_offset_sigma: %.4f; better: stamp at the middle of the exposure" % (
             a.offset, max(0.002, 3.0 * a.offset_sigma)))
 

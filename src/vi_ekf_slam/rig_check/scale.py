@@ -13,9 +13,11 @@ YELLOW, RED = 0.03, 0.10
 DIRECTION_YELLOW, DIRECTION_RED = 5.0, 20.0  # deg, of the mean travel: slip and the points' noise make less
 FREE = 0.05  # weight of no turn at all: a car that drives straight ahead does not tell its camera's roll
 WINDOW = 1.0  # s over which the accelerometer is integrated twice
-MOST_SIGMA = 0.03  # of the scale, for it to be judged by the accelerometer
+MOST_SIGMA = 0.03  # of the scale, for it to be judged
 MOST_GRAVITY_ERROR = 0.05  # share, of what the same fit finds and is known: a sound fit is right about both
-SAME = 10.0  # positions of a window that share the errors of the steps before them, and count as one
+# Steps whose errors are one: a window's positions share those of the steps before, and points are off alike for a second (of KITTI's
+# drives the ratios of speeds are correlated as if 2 to 11 steps counted as one).
+SAME = 10.0
 NANO = 1e-9
 
 
@@ -48,9 +50,10 @@ def _by_velocity(rig, report):
     if fast.sum() < LEAST_STEPS:
         report.unjudged("the rig hardly moves: %d steps above %g m/s, %d are needed" % (fast.sum(), LEAST_SPEED, LEAST_STEPS))
         return
-    ratios = speeds[1][fast] / speeds[0][fast]
+    # Along what is told: noise across it makes a step longer, but not the way.
+    ratios = np.sum(seen * (told @ C.T), axis=1)[fast] / speeds[0][fast] ** 2
     report.draw("speed of the camera, m/s: by its points, and as told", _draw_speeds(begin, *speeds))
-    spread = 1.48 * np.median(np.abs(ratios - np.median(ratios))) / np.sqrt(fast.sum())
+    spread = 1.48 * np.median(np.abs(ratios - np.median(ratios))) * np.sqrt(SAME / fast.sum())
     off = _direction(seen[fast], told[fast] @ C.T)
     if off > DIRECTION_YELLOW:
         say = report.red if off > DIRECTION_RED else report.yellow
@@ -59,6 +62,10 @@ def _by_velocity(rig, report):
                 "child_frame_id" if rig.velocity_name == "wheel_odometry" else "frame_id", stream.frame_id))
         return
     report.green("direction of travel", "%.1f deg" % off, "%g deg" % DIRECTION_YELLOW)
+    if not spread < MOST_SIGMA:
+        report.unjudged("the points tell the camera's speed too badly for the scale (%.2f +- %.2f): pass by nearer things, or see the "
+                        "sharpness of the pictures" % (np.median(ratios), 3.0 * spread))
+        return
     _say_scale(report, float(np.median(ratios)), spread, "the velocity", "the velocity's unit or scale (wheel circumference)")
 
 
@@ -75,10 +82,10 @@ def _say_scale(report, ratio, sigma, source, other):
 
 def _direction(seen, told):
     """deg, of the least turn that lays told (N, 3) onto seen (N, 3) m/s, both in the camera's axes; 180 where they are opposite."""
-    if np.sum(seen * told) < 0.0:
-        return 180.0
     # seen = told + e x told for a small turn e, so that told x seen = (I - told told^T) e; what the travel leaves free stays 0.
     told, seen = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (told, seen))
+    if np.sum(seen * told) < 0.0:
+        return 180.0
     information = len(told) * (1.0 + FREE) * np.eye(3) - told.T @ told
     return float(np.degrees(np.linalg.norm(np.linalg.solve(information, np.cross(told, seen).sum(axis=0)))))
 
@@ -123,7 +130,8 @@ def _equations(rig):
     gyro, force = rig.imu.gyro[index] - rig.gyro_bias, rig.imu.acceleration[index]
     begin, end = ((x - origin) * NANO + rig.alignment.offset for x in (motion.begin, motion.end))
     lever = inverse(rig.cam_T_imu)[:3, 3]
-    chains = np.split(np.arange(len(begin)), np.flatnonzero(motion.begin[1:] != motion.end[:-1]) + 1)
+    known = np.flatnonzero(np.isfinite(motion.translation).all(axis=1))
+    chains = np.split(known, np.flatnonzero(motion.begin[known[1:]] != motion.end[known[:-1]]) + 1)
     windows = []
     for chain in chains:
         if len(chain) < 5:

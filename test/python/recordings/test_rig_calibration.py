@@ -96,6 +96,31 @@ def test_camera_calibration_says_the_same_with_the_extrinsic(rig):
         read_calibration(files[::-1], None, str(where))
 
 
+def test_two_files_of_camera_calibration_must_be_of_one_pair(rig):
+    """Both sides of a rectified pair share fx, fy, cx, cy."""
+    rig, folder = rig
+    files, where = [str(folder / name) for name in ("left.yaml", "right.yaml")], folder / "where.yaml"
+    where.write_text(yaml.safe_dump({"imu_T_left": np.ravel(rig.imu_T_left).tolist()}))
+    (folder / "left.yaml").write_text(ros_yaml(rig.left))
+    for place, name in (((0, 0), "fx"), ((1, 1), "fy"), ((0, 2), "cx"), ((1, 2), "cy")):
+        projection = rig.right.projection.copy()
+        projection[place] += 0.01
+        (folder / "right.yaml").write_text(ros_yaml(rig.right._replace(projection=projection)))
+        with pytest.raises(InputError, match="right.yaml: %s of projection_matrix is .* px, that of .*left.yaml" % name):
+            read_calibration(files, None, str(where))
+
+
+@pytest.mark.parametrize("model, count", [("plumb_bob", 8), ("rational_polynomial", 5), ("rational_polynomial", 8)])
+def test_camera_calibration_may_have_the_coefficients_that_the_node_takes(rig, model, count):
+    rig, folder = rig
+    files, where = [str(folder / name) for name in ("left.yaml", "right.yaml")], folder / "where.yaml"
+    where.write_text(yaml.safe_dump({"imu_T_left": np.ravel(rig.imu_T_left).tolist()}))
+    for path, camera in zip(files, (rig.left, rig.right)):
+        with open(path, "w") as file:
+            file.write(ros_yaml(camera._replace(model=model, distortion=np.full(count, 0.01))))
+    assert read_calibration(files, None, str(where)).right.distortion.size == count
+
+
 def test_two_sensor_files_say_the_same(rig):
     rig, folder = rig
     files = [str(folder / "euroc" / "mav0" / name / "sensor.yaml") for name in ("cam0", "cam1", "imu0")]
@@ -149,6 +174,7 @@ def test_a_bag_gets_what_the_converter_would_have_written(rig):
                 bare.write(topic, message, stamp)
     done = script("import_calibration.py", folder / "euroc", "--bag", folder / "bare.bag", "--output", folder / "out.bag")
     assert done.returncode == 0 and "4 of camera_info replaced" in done.stdout, done.stdout + done.stderr
+    assert "the configuration needs:\n  inertial: {imu_calibration: %s}\n" % (folder / "out.imu.yaml") in done.stdout
     with rosbag.Bag(str(folder / "whole.bag")) as whole, rosbag.Bag(str(folder / "out.bag")) as out:
         for topic in ("/left/camera_info", "/right/camera_info", "/tf_static"):
             wanted = next(whole.read_messages([topic])).message

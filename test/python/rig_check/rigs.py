@@ -32,6 +32,17 @@ class ShakenRig:
         return make_transform(turn, [0.5 * np.sin(2.3 * t), 0.4 * np.sin(3.1 * t + 0.5), 1.4 + 0.3 * np.sin(2.7 * t + 1.0)])
 
 
+class RigOnWheels:
+    """It drives along x and turns about the vertical alone."""
+
+    def __init__(self, speed, turn, frequency=0.8):
+        self.speed, self.turn, self.frequency = speed, turn, frequency  # m/s, rad, rad/s
+
+    def pose(self, t):
+        """World_T_imu (4 x 4)."""
+        return make_transform(so3_exp([0.0, 0.0, self.turn * np.sin(self.frequency * t)]), [self.speed * t, 0.0, 1.4])
+
+
 class RigAtRest:
     """On a table."""
 
@@ -45,7 +56,19 @@ def still_points():
     return shaken_points(motion=RigAtRest())
 
 
-def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0.02):
+def room(random):
+    """(POINTS, 3) m."""
+    return np.column_stack([random.uniform(2.0, 6.0, POINTS), random.uniform(-4.0, 4.0, POINTS), random.uniform(-1.0, 4.0, POINTS)])
+
+
+def street(random):
+    """(N, 3) m: houses on both sides of the x axis."""
+    return np.column_stack([random.uniform(-10.0, 400.0, 8000), random.choice([-1, 1], 8000) * random.uniform(4.0, 25.0, 8000),
+                            random.uniform(0.0, 8.0, 8000)])
+
+
+def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0.02, place=room, frame_rate=FRAME_RATE,
+                  baseline=BASELINE, pixel_sigma=PIXEL_SIGMA):
     """Recording with features from first_frame s on and an accelerometer, and the IMU's velocity where that is wanted."""
     random = np.random.default_rng(seed)
     count = int(DURATION * NOISE.rate)
@@ -54,24 +77,24 @@ def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0
     white = np.sqrt(NOISE.rate) * np.repeat([NOISE.gyro_density, NOISE.accelerometer_density], 3)
     measured = exact + np.repeat([0.004, 0.05], 3) + white * random.normal(size=exact.shape)
     stamps = START + np.rint(1e9 * times).astype(np.int64)
-    points = np.column_stack([random.uniform(2.0, 6.0, POINTS), random.uniform(-4.0, 4.0, POINTS), random.uniform(-1.0, 4.0, POINTS)])
-    frame_times = np.arange(first_frame, DURATION - 0.05, 1.0 / FRAME_RATE)
+    points = place(random)
+    frame_times = np.arange(first_frame, DURATION - 0.05, 1.0 / frame_rate)
     ids, pixels, starts = [], [], [0]
     for t in frame_times:
-        q = (inverse(motion.pose(t) @ IMU_T_LEFT) @ np.column_stack([points, np.ones(POINTS)]).T)[:3]
+        q = (inverse(motion.pose(t) @ IMU_T_LEFT) @ np.column_stack([points, np.ones(len(points))]).T)[:3]
         uv = (K @ (q / q[2]))[:2]
-        row = np.stack([uv[0], uv[1], uv[0] - K[0, 0] * BASELINE / q[2], uv[1]])
+        row = np.stack([uv[0], uv[1], uv[0] - K[0, 0] * baseline / q[2], uv[1]])
         seen = np.flatnonzero((q[2] > 0.5) & (row[[0, 2]] > 5).all(axis=0) & (row[[0, 2]] < SIZE[0] - 5).all(axis=0) & (row[1] > 5)
                               & (row[1] < SIZE[1] - 5))[:90]
         ids.append(seen)
-        pixels.append(row[:, seen].T + PIXEL_SIGMA * random.normal(size=(len(seen), 4)))
+        pixels.append(row[:, seen].T + pixel_sigma * random.normal(size=(len(seen), 4)))
         starts.append(starts[-1] + len(seen))
     ids, pixels = np.concatenate(ids), np.concatenate(pixels)
-    left, right = rectified_pair(SIZE, K, BASELINE)
+    left, right = rectified_pair(SIZE, K, baseline)
     fields = dict(imu=Imu(stamps, measured[:, :3], measured[:, 3:], NOISE), left=left, right=right, imu_T_left=IMU_T_LEFT,
-                  left_T_right=make_transform(np.eye(3), [BASELINE, 0, 0]),
+                  left_T_right=make_transform(np.eye(3), [baseline, 0, 0]),
                   features=Features(START + np.rint(1e9 * frame_times).astype(np.int64), np.array(starts), ids, pixels,
-                                    np.full(len(ids), PIXEL_SIGMA)))
+                                    np.full(len(ids), pixel_sigma)))
     if with_velocity:
         body = np.array([motion.pose(t)[:3, :3].T @ velocity(motion, t) for t in times[::4]])
         fields["velocity"] = Velocity(stamps[::4], body + 0.02 * random.normal(size=body.shape), 0.02)

@@ -9,7 +9,7 @@ from breaking import (accelerations, backwards, burst, every, exchange_infos, ex
                       gyro, half_resolution, infos, late, looping, losing, no_stamp, not_a_number, not_a_pair, one_frame,
                       other_rows, quiet_statement, renamed, repeated, scale_baseline, turned_imu, wrong_focal_length)
 
-from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp
+from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp, so3_log
 from vi_ekf_slam.rig_check.checker import make_report
 from vi_ekf_slam.rig_check.finding import GREEN, RED, UNJUDGED, YELLOW
 
@@ -114,6 +114,46 @@ def test_the_offset_that_is_told_mends_the_rig(sound, tmp_path):
     offset = float(words[words.index("calibration/time_offset:") + 1])  # to be added to the pictures' stamps
     assert offset == pytest.approx(-0.045, abs=0.003)
     assert judge(tmp_path / "mended.bag", rigs.shift_stamps(entries, offset, "/features")).first is None
+
+
+WHEELS = dict(with_velocity=True, place=rigs.street, baseline=0.5)
+STREET = dict(motion=rigs.RigOnWheels(15.0, 0.0), place=rigs.street, baseline=0.12)
+# name: (options of rigs.shaken_points, checks that are green, checks that are not judged).
+SOUND = {
+    "short baseline": (dict(baseline=0.05, pixel_sigma=0.5), {"gyro", "rotation", "time offset", "scale"}, set()),
+    "shorter baseline": (dict(baseline=0.02, pixel_sigma=0.5, frame_rate=30.0), {"gyro", "rotation", "time offset"}, set()),
+    "60 Hz": (dict(frame_rate=60.0), {"gyro", "rotation", "time offset", "scale"}, set()),
+    "flat floor": (dict(motion=rigs.RigOnWheels(0.0, 0.8), pixel_sigma=0.1), {"gyro", "time offset"}, {"rotation"}),
+    "flat floor, other noise": (dict(motion=rigs.RigOnWheels(0.0, 0.8), pixel_sigma=0.1, seed=2), {"gyro", "time offset"}, {"rotation"}),
+    "car in a bend": (dict(WHEELS, motion=rigs.RigOnWheels(10.0, 0.3), seed=2), {"gyro", "time offset", "scale"}, {"rotation"}),
+    "car straight ahead, 60 Hz": (dict(STREET, frame_rate=60.0, pixel_sigma=0.7), set(), {"gyro", "rotation", "time offset"}),
+    "car straight ahead, noise": (dict(STREET, with_velocity=True, frame_rate=30.0, pixel_sigma=1.0), set(), {"gyro", "rotation", "scale"}),
+}
+
+
+@pytest.mark.parametrize("name", list(SOUND))
+def test_what_a_sound_rig_does_not_tell_is_not_judged(name, tmp_path):
+    options, green, unjudged = SOUND[name]
+    report = judge(tmp_path / "sound.bag", rigs.message_list(rigs.shaken_points(**options)))
+    assert report.first is None, report.findings
+    assert green <= {finding.check for finding in report.of_level(GREEN)}
+    assert unjudged <= {finding.check for finding in report.of_level(UNJUDGED)}
+
+
+def misalignment_of(imu_R_left):
+    return np.linalg.norm(so3_log(imu_R_left @ C[:3, :3].T))
+
+
+def test_a_rig_that_turns_about_one_axis_tells_what_is_wrong_about_the_others(tmp_path):
+    """And only that: the transform that is told mends it."""
+    tilt = make_transform(so3_exp([np.radians(20.0), 0.0, 0.0]), np.zeros(3))
+    entries = extrinsic(rigs.message_list(rigs.shaken_points(motion=rigs.RigOnWheels(0.0, 0.8), pixel_sigma=0.1, seed=2)), tilt @ C)
+    first = judge(tmp_path / "broken.bag", entries).first
+    assert first.level == RED and "imu -> camera is off by 20" in first.text
+    words = first.advice.split()
+    told = quaternion_to_rotation([float(word) for word in words[words.index("Z") + 1:][:4]])
+    assert np.linalg.norm(told[2] - C[2, :3]) < np.radians(0.5)  # the vertical in the camera
+    assert misalignment_of(told) < np.radians(5.0)  # about the vertical noise alone moves it
 
 
 def test_where_the_rig_hardly_turns_nothing_is_said_of_rotation_and_clocks(tmp_path):
