@@ -66,7 +66,8 @@ def add_folder_options(parser):
                         help="of a folder: Kalibr's camchain (EuRoC, TUM-VI), or the folder with KITTI's calibration (default: "
                              "what lies in the drive's folder)")
     parser.add_argument("--skip-bad", action="store_true",
-                        help="leave out files that are missing, damaged or too many, and say which; else they are errors")
+                        help="leave out files that are missing, damaged or too many, and rows whose stamps do not increase, and say "
+                             "which; else they are errors")
 
 
 def add_bias_options(parser):
@@ -75,7 +76,7 @@ def add_bias_options(parser):
                         help="standard deviation of the velocity's constant bias (default: %(default)s)")
     parser.add_argument("--gyro-bias-sigma", type=float, metavar="RAD/S",
                         help="standard deviation of the gyro's constant bias (default: %g, as it was added to the "
-                             "course's drives; %g where the twist is an INS's as it was recorded, whose noise only "
+                             "noisy .npz drives of KITTI; %g where the twist is an INS's as it was recorded, whose noise only "
                              "--gyro-sigma says)" % (NOISY_GYRO_BIAS_SIGMA, INS_GYRO_BIAS_SIGMA))
 
 

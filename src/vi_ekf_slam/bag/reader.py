@@ -8,12 +8,15 @@ from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
 from vi_ekf_slam.bag.transforms import chain
 from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
+from vi_ekf_slam.rig_check.topics import assign
 
-FEATURES, INFO = "/features", "/left/camera_info"
+# Arguments of slam.launch whose topics say when the frames were, and which is the camera's frame; the first that is there.
+# A driver may publish camera_info but once.
+FRAMES, CAMERA = ("features", "left_image", "left_info"), ("features", "left_info", "left_image")
 
 
 class Reference:
-    """frame_stamps (T,) s of /features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps,
+    """frame_stamps (T,) s of the features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps,
     map_T_imu poses) or None; camera: name of the left camera's frame or None.
     """
 
@@ -22,32 +25,35 @@ class Reference:
 
 
 def read_reference(path, imu=None):
-    """Read a bag as dataset_to_bag.py writes them.
+    """Read a bag, as dataset_to_bag.py writes them or with topics that can be told by their types and names (topics.assign).
 
-    The camera's frame is the one that /features names, or else /left/camera_info, and the IMU's is `imu` or, where that
-    is None or nothing connects it, the one that /imu names; the extrinsic is the transform between the two on
-    /tf_static, directly or as a chain.
+    The camera's frame is the one that the features name, or else the left camera_info, and the IMU's is `imu` or, where
+    that is None or nothing connects it, the one that the IMU's messages name; the extrinsic is the transform between the
+    two on /tf_static, directly or as a chain.
     """
-    stamps, frames, transforms, truth = {FEATURES: [], INFO: []}, {}, [], None
+    stamps, frames, transforms, truth = [], {}, [], None
     with open_bag(path) as bag:
         require_bounded_chunks(bag, path)
+        present = bag.get_type_and_topic_info().topics
+        topics, _ = assign({topic: info.msg_type for topic, info in present.items() if info.message_count}, {})
+        wanted = [topics[name] for name in CAMERA + ("imu",) if name in topics]
+        clock = next((topics[name] for name in FRAMES if name in topics), None)
         for topic, message, _ in bag.read_messages([STATIC_TOPIC, "/ground_truth/path"]):
             if topic == STATIC_TOPIC:
                 transforms.extend(message.transforms)
             else:
                 truth = _read_path(message)
-        for topic, (_, data, _, _, kind), _ in bag.read_messages([FEATURES, INFO, "/imu"], raw=True):
+        for topic, (_, data, _, _, kind), _ in bag.read_messages(wanted, raw=True) if wanted else ():
             if not kind._has_header:
                 raise ValueError("%s has no header" % kind._type)
             stamp, frame = read_header(data)
             frames.setdefault(topic, frame)
-            if topic in stamps:
-                stamps[topic].append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
-    camera = FEATURES if stamps[FEATURES] else INFO
-    name = frames.get(camera)
-    found = (_extrinsic(transforms, name, frame) for frame in (imu if imu != name else None, frames.get("/imu")))
+            if topic == clock:
+                stamps.append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
+    camera = next((frames[topics[name]] for name in CAMERA if name in topics), None)
+    found = (_extrinsic(transforms, camera, frame) for frame in (imu if imu != camera else None, frames.get(topics.get("imu"))))
     extrinsic = next((matrix for matrix in found if matrix is not None), None)
-    return Reference(np.array(stamps[camera]), extrinsic, truth, name)
+    return Reference(np.array(stamps), extrinsic, truth, camera)
 
 
 def _read_path(message):

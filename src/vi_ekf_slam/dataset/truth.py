@@ -8,7 +8,7 @@ from vi_ekf_slam.dataset.pose_files import read_pose_file
 
 BODIES = ("imu", "left_camera")
 STAMP_TOLERANCE = 1e-4  # s; text files may round stamps, frames are at least milliseconds apart
-MAX_GAP = 1.5  # s between two truth poses, which may come once a second; across longer gaps nothing is interpolated
+MAX_GAP = 1.5  # s between two poses, which may come once a second; across longer gaps nothing is interpolated
 
 
 def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
@@ -23,8 +23,8 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
     """
     stamps, poses = read_pose_file(path)
     if stamps is None and not anchored:
-        raise InputError("%s: is in KITTI's format, which does not say where upwards is, allowed: a TUM file, or none with "
-                         "a bag that holds the truth" % path)
+        raise InputError("%s: is in KITTI's format, which does not say where upwards is, allowed: a TUM file, none with a bag "
+                         "that holds the truth, or with evaluate.py --gauge pose, which aligns the tilt away too" % path)
     if body is None:
         body = "left_camera" if stamps is None else "imu"
     if stamps is None:

@@ -13,9 +13,10 @@ from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_
                                             rigid_alignment)
 
 RPE_SECONDS, RPE_METRES = 1.0, 10.0
+SPARSE = 1.5  # times the trajectory's step: between 1, equal rates whose stamps jitter, and 2, half the rate
 
 Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe "
-                                      "ate_yaw orientation")
+                                      "ate_yaw orientation truth_step")
 Evaluation.__doc__ = """Errors of one trajectory.
 
 ate: m, RMSE of the positions after rigid alignment. kitti: metrics.KittiErrors. matched: number M of poses compared.
@@ -23,8 +24,11 @@ body: whose positions, as text. anchored: m, RMSE of `error`. way: m, length of 
 distance, error (M,): m of true path up to each pose, and its position error in m when the first poses coincide.
 segments: of metrics.kitti_segments. rpe: {"frame", "second", "metre": metrics.RelativeErrors} over one frame,
 RPE_SECONDS and RPE_METRES of true path. ate_yaw m, orientation deg: RMSE over the IMU's poses after alignment by yaw and
-position, or None where gravity says nothing.
+position, or None where gravity says nothing. truth_step: s between true poses where these are sparse, see match, or None.
 """
+
+Match = namedtuple("Match", "stamps estimate truth rows")
+Match.__doc__ = """Poses of both at the same stamps (M,) s: estimate, truth (M, 4, 4); rows (M,): the nearest pose of the estimate."""
 
 Consistency = namedtuple("Consistency", "stamps errors deviations nees nees_position nees_rotation")
 Consistency.__doc__ = """Pose errors of the IMU and what the covariance says of them, in the axes of the run's world.
@@ -37,10 +41,10 @@ covariances' diagonals, m and rad. nees (M,) of the pose (6 dof), position and r
 def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose"):
     """Errors of world_T_imu poses (N, 4, 4) at stamps (N,) s against truth = (stamps, IMU poses), in any world frame.
 
-    With an extrinsic the left cameras are compared, as the KITTI benchmark does, else the IMUs. Poses whose stamps the
-    truth does not reach are left out. gauge: of gauge.GAUGES; with another than "pose" both worlds have z upwards.
+    With an extrinsic the left cameras are compared, as the KITTI benchmark does, else the IMUs. Compared are the poses of
+    match. gauge: of gauge.GAUGES; with another than "pose" both worlds have z upwards.
     """
-    valid, estimate, true_poses = match(stamps, poses, truth)
+    matched, estimate, true_poses, _ = match(stamps, poses, truth)
     yaw_errors = (None, None) if gauge == "pose" else errors_after_yaw_alignment(estimate, true_poses)
     body = "IMU"
     if cam_T_imu is not None:
@@ -50,20 +54,42 @@ def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose"):
     segments = kitti_segments(estimate, true_poses)
     frames = np.arange(len(estimate))
     rpe = {name: relative_pose_errors(estimate, true_poses, pairs_ahead(values, delta))
-           for name, values, delta in (("frame", frames, 1), ("second", stamps[valid], RPE_SECONDS),
+           for name, values, delta in (("frame", frames, 1), ("second", matched, RPE_SECONDS),
                                        ("metre", distance, RPE_METRES))}
     return Evaluation(absolute_trajectory_error(estimate, true_poses), mean_kitti_errors(segments), len(estimate), body,
                       float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe,
-                      *yaw_errors)
+                      *yaw_errors, _median_step(truth[0]) if _is_sparse(truth[0], stamps) else None)
 
 
 def match(stamps, poses, truth):
-    """(valid (N,) bool, poses[valid], truth at those stamps): what of an estimate the truth reaches; not nothing."""
-    valid, true_poses = sample_poses(*truth, stamps)
-    if not valid.any():
+    """The Match of an estimate and the truth, not empty: at the estimate's stamps, as far as the truth reaches them.
+
+    Where the truth is sparse it is at the truth's stamps: between poses a second apart a straight line is not the truth.
+    """
+    found = _pair(stamps, poses, truth)
+    if not len(found.stamps):
         raise InputError("the truth, %.3f to %.3f s, does not meet the trajectory, %.3f to %.3f s"
                          % (truth[0][0], truth[0][-1], stamps[0], stamps[-1]))
-    return valid, poses[valid], true_poses
+    return found
+
+
+def _pair(stamps, poses, truth):
+    if _is_sparse(truth[0], stamps):
+        valid, estimate = sample_poses(stamps, poses, truth[0])
+        matched = truth[0][valid]
+        after = np.clip(np.searchsorted(stamps, matched), 1, len(stamps) - 1)
+        rows = np.where(matched - stamps[after - 1] < stamps[after] - matched, after - 1, after)
+        return Match(matched, estimate, truth[1][valid], rows)
+    valid, true_poses = sample_poses(*truth, stamps)
+    return Match(stamps[valid], poses[valid], true_poses, np.flatnonzero(valid))
+
+
+def _is_sparse(truth_stamps, stamps):
+    return min(len(truth_stamps), len(stamps)) > 1 and _median_step(truth_stamps) > SPARSE * _median_step(stamps)
+
+
+def _median_step(stamps):
+    return float(np.median(np.diff(stamps)))
 
 
 def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose"):
@@ -74,9 +100,9 @@ def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose"):
     """
     if truth is None:
         return Consistency(stamps, None, _deviations(covariances), None, None, None)
-    valid, estimate, true_poses = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses, gauge)))
-    errors, covariances = pose_errors(estimate, true_poses), covariances[valid]
-    return Consistency(stamps[valid], errors, _deviations(covariances), nees(errors, covariances),
+    matched, estimate, true_poses, rows = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses, gauge)))
+    errors, covariances = pose_errors(estimate, true_poses), covariances[rows]
+    return Consistency(matched, errors, _deviations(covariances), nees(errors, covariances),
                        nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]))
 
 
@@ -87,16 +113,16 @@ def _deviations(covariances):
 
 def anchor_truth(truth, stamps, poses, gauge="pose"):
     """Truth poses moved, by what the gauge leaves free, so that they agree with the estimate at the first stamp of both."""
-    valid, sampled = sample_poses(*truth, stamps)
-    if not valid.any():
+    found = _pair(stamps, poses, truth)
+    if not len(found.stamps):
         return truth[1]
-    return frame_change(poses[valid][0], sampled[0], gauge) @ truth[1]
+    return frame_change(found.estimate[0], found.truth[0], gauge) @ truth[1]
 
 
 def align(trajectory, truth):
     """Positions (N, 3) m of trajectory = (stamps (N,) s, poses (N, 4, 4)), rigidly aligned with those of the truth."""
     stamps, poses = trajectory
-    _, estimate, true_poses = match(stamps, poses, truth)
+    _, estimate, true_poses, _ = match(stamps, poses, truth)
     truth_T_world = rigid_alignment(estimate[:, :3, 3], true_poses[:, :3, 3])
     return (truth_T_world @ poses)[:, :3, 3]
 

@@ -36,8 +36,8 @@ def make_parser():
                         help="directory that run_bag or the node wrote, or a trajectory file: TUM, or KITTI (needs "
                              "--bag)")
     parser.add_argument("--bag", action="append", default=[],
-                        help="a run's bag, for the extrinsic and for /ground_truth/path; once for all runs, or once a "
-                             "run")
+                        help="a run's bag, for the extrinsic and for /ground_truth/path (other topics are told by their types "
+                             "and names); once for all runs, or once a run")
     parser.add_argument("--truth", action="append", default=[], metavar="FILE",
                         help="true poses, KITTI (12 columns, needs --bag) or TUM (8 columns); goes before the bag's; once "
                              "for all runs, or once a run")
@@ -129,6 +129,7 @@ def _judge(path, name, bag, truth_file, body, options):
         raise InputError("--export-kitti needs --bag: the files hold poses of the left camera")
     reference = read_bag(bag, body)
     subject = read_subject(path, name, reference, options.trajectory_body, options.gauge)
+    subject.bag = bag
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
     truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
@@ -163,12 +164,17 @@ def _remarks(results):
             yield "%s: no truth, so no errors; --truth or a bag with /ground_truth/path gives it" % subject.name
             continue
         poses = len(subject.stamps)
-        if result.slam.matched < LEAST_MATCHED * poses:
+        if result.slam.truth_step:
+            yield ("%s: the truth is sparser than the trajectory, %.3g s between its poses: compared at its stamps, with the "
+                   "trajectory interpolated; its path is cut short, and a frame of RPE is from one of its poses to the next"
+                   % (subject.name, result.slam.truth_step))
+        elif result.slam.matched < LEAST_MATCHED * poses:
             yield "%s: %d of %d poses have no truth beside them: outside of its time, or in a gap of more than %g s" % (
                 subject.name, poses - result.slam.matched, poses, MAX_GAP)
         if subject.cam_T_imu is None:
-            yield ("%s: no bag with an extrinsic, so positions of the IMU are compared; --bag gives the left camera's, "
-                   "as KITTI compares them" % subject.name)
+            yield "%s: no bag with an extrinsic, so positions of the IMU are compared; %s" % (
+                subject.name, "%s has no left camera and IMU that /tf_static connects" % subject.bag if subject.bag else
+                "--bag gives the left camera's, as KITTI compares them")
 
 
 def _folder(options, subject, count):

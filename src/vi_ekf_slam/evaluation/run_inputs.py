@@ -20,13 +20,14 @@ class Subject:
     dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
     covariances, smoothed_covariances (N, 6, 6) of the poses and of run.smoothed, or None; frames: columns of frames.csv or None.
     gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, poses of the same body) in any world frame, or None.
+    bag: path of its bag or None.
     """
 
     def __init__(self, name, source, trajectory):
         self.name, self.source = name, source
         self.stamps, self.poses = trajectory
         self.gauge = "pose"
-        self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = None
+        self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = self.bag = None
         self.smoothed_covariances = None
 
     @property
@@ -36,7 +37,7 @@ class Subject:
 
 
 def read_bag(path, body=None):
-    """bag.reader.Reference of a bag, or None for no path. body: the IMU's frame, of body_of; None: that of /imu."""
+    """bag.reader.Reference of a bag, or None for no path. body: the IMU's frame, of body_of; None: that of its IMU."""
     if not path:
         return None
     from vi_ekf_slam.bag.reader import read_reference  # needs ROS, the rest does not

@@ -12,8 +12,8 @@ def export(subject, folder, tum=True, kitti=False):
     """Write slam, dead_reckoning and truth, as far as they are known, into a folder; returns the paths.
 
     subject: run_inputs.Subject. tum: NAME.tum, poses of the IMU with stamps, the truth laid onto the estimate's start.
-    kitti: NAME_kitti.txt, poses of the left camera in its first frame. Where there is truth these are the frames that
-    it reaches, in every file, because rows of that format have no stamps and are compared one by one.
+    kitti: NAME_kitti.txt, poses of the left camera in its first frame. Where there is truth these are the poses that
+    are compared with it, in every file, because rows of that format have no stamps and are compared one by one.
     """
     trajectories = {"slam": (subject.stamps, subject.poses)}
     if subject.dead_reckoning:
@@ -29,9 +29,9 @@ def export(subject, folder, tum=True, kitti=False):
             write_text(paths[-1], "".join(tum_line(stamp, pose) + "\n" for stamp, pose in zip(stamps, poses)))
         if kitti:
             if name == "truth":
-                poses = match(subject.stamps, subject.poses, subject.truth)[2]
+                poses = match(subject.stamps, subject.poses, subject.truth).truth
             elif subject.truth is not None:
-                poses = match(stamps, poses, subject.truth)[1]
+                poses = match(stamps, poses, subject.truth).estimate
             paths.append(os.path.join(folder, name + "_kitti.txt"))
             write_text(paths[-1], "".join(kitti_line(pose) + "\n"
                                           for pose in left_camera_poses(poses, subject.cam_T_imu)))

@@ -7,6 +7,7 @@ mav0/state_groundtruth_estimate0 or mocap0 (data.csv), or truth_imu.tum.
 
 import glob
 import os
+from bisect import bisect_left
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.recording import Images, Imu, Recording, require_increasing
 from vi_ekf_slam.recordings.rectification import rectify
+
+PAIR_TOLERANCE = 5000000  # ns between the stamps of a pair, as the node has it (ros_config.hpp)
 
 
 def base_of(folder):
@@ -45,12 +48,14 @@ def load_asl(folder, options):
     else:
         left, right = (sensor_camera(os.path.join(base, name, "sensor.yaml"), body_T_imu) for name in ("cam0", "cam1"))
     left_info, right_info = rectify(left, right, chain or base)
-    stamps, twist = read_table(os.path.join(base, "imu0", "data.csv"), 6)
-    images = _images(base, left.size, faults)
+    stamps, twist = read_table(os.path.join(base, "imu0", "data.csv"), 6, faults)
+    images, apart = _images(base, left.size, faults)
     recording = Recording(
         os.path.basename(os.path.abspath(folder)), imu=Imu(stamps, twist[:, :3], twist[:, 3:], None), images=images,
         left=left_info, right=right_info, imu_T_left=left.imu_T_cam, left_T_right=inverse(left.imu_T_cam) @ right.imu_T_cam,
-        notes=["calibration: %s" % (chain or "sensor.yaml")] + faults.notes())
+        notes=["calibration: %s" % (chain or "sensor.yaml")])
+    if apart:
+        recording.notes.append("stereo pairs: stamps differ by up to %.3f ms, the left picture's is that of both" % (1e-6 * apart))
     shift = timeshift(chain) if chain else None
     if shift:
         recording.notes.append("clock: give calibration/time_offset: %.9f in the configuration; a bag has no place for it" % shift)
@@ -58,8 +63,9 @@ def load_asl(folder, options):
     if noise is None:
         recording.notes.append("noise of the IMU: not stated")
     recording.imu = recording.imu._replace(noise=noise)
-    recording.truth, source = _truth(folder, base, recording, body_T_imu, options)
+    recording.truth, source = _truth(folder, base, recording, body_T_imu, options, faults)
     recording.notes.append("truth from: %s" % source)
+    recording.notes += faults.notes()
     return recording
 
 
@@ -87,16 +93,30 @@ def noise_of(folder, base):
 
 
 def _images(base, size, faults):
-    """Images of the stamps that both cameras have."""
+    """(Images, ns between the stamps of a pair at most): each picture is the other's nearest, within PAIR_TOLERANCE."""
     left, right = (_camera_images(os.path.join(base, name), faults) for name in ("cam0", "cam1"))
-    for one, other, name in ((left, right, "cam1"), (right, left, "cam0")):
-        for stamp in sorted(set(one) - set(other)):
+    beside, back = _nearest(left, right), _nearest(right, left)
+    stamps = [stamp for stamp in sorted(left) if back.get(beside.get(stamp)) == stamp]
+    for one, paired, name in ((left, set(stamps), "cam1"), (right, {beside[stamp] for stamp in stamps}, "cam0")):
+        for stamp in sorted(set(one) - paired):
             faults.add("%s: has no picture beside %s" % (os.path.join(base, name), one[stamp]))
-    pairs = whole_pairs([(stamp, left[stamp], right[stamp]) for stamp in sorted(set(left) & set(right))], size, faults)
+    pairs = whole_pairs([(stamp, left[stamp], right[beside[stamp]]) for stamp in stamps], size, faults)
     stamps, lefts, rights = zip(*pairs)
     stamps = np.array(stamps, dtype=np.int64)
     require_increasing(stamps, os.path.join(base, "cam0"))
-    return Images(stamps, lefts, rights)
+    return Images(stamps, lefts, rights), max(abs(beside[stamp] - stamp) for stamp in stamps.tolist())
+
+
+def _nearest(stamps, others):
+    """{stamp: the nearest of `others`} of those that have one within PAIR_TOLERANCE. Both: integer ns."""
+    others = sorted(others)
+    found = {}
+    for stamp in stamps:
+        after = bisect_left(others, stamp)
+        nearest = min(others[max(after - 1, 0):after + 1], key=lambda other: abs(other - stamp), default=None)
+        if nearest is not None and abs(nearest - stamp) <= PAIR_TOLERANCE:
+            found[stamp] = nearest
+    return found
 
 
 def _camera_images(camera, faults):
@@ -108,7 +128,10 @@ def _camera_images(camera, faults):
     for number, words in read_rows(table):
         stamp = read_stamp(table, number, words[0])
         stem = os.path.splitext(words[1] if len(words) > 1 else "")[0]
-        if stem not in files:
+        if stamp in listed:
+            faults.add("%s: line %d repeats the stamp %d" % (table, number, stamp))
+            files.pop(stem, None)
+        elif stem not in files:
             faults.add("%s: line %d names '%s', which is not there" % (table, number, ",".join(words[1:])))
         else:
             listed[stamp] = files.pop(stem)
@@ -117,7 +140,7 @@ def _camera_images(camera, faults):
     return listed
 
 
-def _truth(folder, base, recording, body_T_imu, options):
+def _truth(folder, base, recording, body_T_imu, options, faults):
     """(truth of a Recording or None, where it is from)."""
     frames, found = recording.frame_stamps, None
     if options.truth:
@@ -129,7 +152,7 @@ def _truth(folder, base, recording, body_T_imu, options):
         if source is None:
             return None, "none"
         if source.endswith(".csv"):
-            stamps, world_T_body = truth_poses.asl_truth(source)
+            stamps, world_T_body = truth_poses.asl_truth(source, faults)
             found = stamps, world_T_body @ body_T_imu
         else:
             found = truth_poses.file_truth(source, "imu", frames, recording.imu_T_left, np.eye(3))

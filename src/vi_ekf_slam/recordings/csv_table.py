@@ -3,7 +3,7 @@
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.recordings.recording import require_increasing
+from vi_ekf_slam.recordings.recording import increasing_rows
 
 
 def read_rows(path):
@@ -30,8 +30,8 @@ def read_stamp(path, number, word):
         raise InputError("%s: line %d begins with '%s', allowed: a stamp in ns" % (path, number, word))
 
 
-def read_table(path, columns):
-    """(stamps (N,) ns, values (N, columns)); surplus columns are not read."""
+def read_table(path, columns, faults):
+    """(stamps (N,) ns, values (N, columns)); surplus columns are not read. Stamps that do not increase are added to `faults`."""
     stamps, values = [], []
     for number, words in read_rows(path):
         stamps.append(read_stamp(path, number, words[0]))
@@ -43,5 +43,5 @@ def read_table(path, columns):
             raise InputError("%s: line %d is '%s', allowed: a stamp and %d finite numbers"
                              % (path, number, ",".join(words)[:80], columns))
     stamps = np.array(stamps, dtype=np.int64)
-    require_increasing(stamps, path)
-    return stamps, np.array(values)
+    kept = increasing_rows(stamps, path, faults)
+    return stamps[kept], np.array(values)[kept]

@@ -51,7 +51,8 @@ def list_images(folder):
 
 
 class Faults:
-    """Files that are missing, damaged or too many: an error at the end, or notes where they are to be left out."""
+    """Files that are missing, damaged or too many, and rows whose stamps do not increase: an error at the end, or notes where
+    they are to be left out."""
 
     SHOWN = 10  # in a message
 
@@ -80,7 +81,7 @@ class Faults:
         shown = self._texts[:self.SHOWN]
         more = len(self._texts) - len(shown)
         if not self._skip:
-            raise InputError("%s%s (--skip-bad leaves such files out)"
+            raise InputError("%s%s (--skip-bad leaves them out)"
                              % ("; ".join(shown), "; and %d more" % more if more else ""))
         return ["left out: %s" % text for text in shown] + (["left out: %d more" % more] if more else [])
 

@@ -8,8 +8,8 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, inverse, make_transform, so3_exp
 from vi_ekf_slam.recordings import truth_poses
 from vi_ekf_slam.recordings.image_files import Faults, image_size, list_images, whole_pairs
-from vi_ekf_slam.recordings.kitti_files import Calibration, read_lines, read_oxts, read_timestamps
-from vi_ekf_slam.recordings.recording import Images, Imu, Recording, Velocity, rectified_pair, require_increasing
+from vi_ekf_slam.recordings.kitti_files import NO_STAMP, Calibration, only_increasing, read_lines, read_oxts, read_timestamps
+from vi_ekf_slam.recordings.recording import Images, Imu, Recording, Velocity, rectified_pair
 
 EARTH_RADIUS = 6378137.0  # m, of the development kit's Mercator projection
 ODOMETRY_START = 10**9  # ns, added to times.txt: ROS takes a stamp of zero for none
@@ -26,7 +26,7 @@ def load_kitti_raw(folder, options):
     left, right, cam_T_imu, baseline = calibrated_pair(*(
         _calibration(folder, options, "calib_%s.txt" % name) for name in ("cam_to_cam", "imu_to_velo", "velo_to_cam")))
 
-    rows = read_timestamps(os.path.join(folder, "image_00", "timestamps.txt"))
+    rows = read_timestamps(os.path.join(folder, "image_00", "timestamps.txt"), faults)
     folders = [os.path.join(folder, name, "data") for name in ("image_00", "image_01")]
     frames, images = _numbered_pairs(folders, rows, 10, left.size, faults)
     stamps, oxts = read_oxts(os.path.join(folder, "oxts"), faults)
@@ -71,8 +71,7 @@ def load_kitti_odometry(folder, options):
         raise InputError("%s: %s, allowed: a number of seconds a line" % (times, reason))
     if not np.all(np.isfinite(seconds)) or seconds.min() < 0.0:
         raise InputError("%s: holds %g, allowed: seconds from 0 on" % (times, seconds.min()))
-    rows = ODOMETRY_START + np.rint(seconds * 1e9).astype(np.int64)
-    require_increasing(rows, times)
+    rows = only_increasing(ODOMETRY_START + np.rint(seconds * 1e9).astype(np.int64), times, faults)
     folders = [os.path.join(folder, name) for name in ("image_0", "image_1")]
     _, images = _numbered_pairs(folders, rows, 6, None, faults)
     size = image_size(images.left[0])
@@ -132,7 +131,7 @@ def _numbered_pairs(folders, stamps, digits, size, faults):
         for folder, path in zip(folders, paths):
             if path is None:
                 faults.add("%s: has no picture %0*d" % (folder, digits, k))
-        if all(paths):
+        if all(paths) and stamp != NO_STAMP:
             pairs.append((stamp, *paths))
     for path in [path for found in files for path in found.values()]:
         faults.add("%s: has no stamp" % path)

@@ -9,9 +9,10 @@ from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import make_transform, nearest_rotation, rotation_error
 from vi_ekf_slam.dataset.pose_files import ROTATION_TOLERANCE
-from vi_ekf_slam.recordings.recording import require_increasing
+from vi_ekf_slam.recordings.recording import increasing_rows
 
 OXTS_COLUMNS = 30
+NO_STAMP = 0  # ns, of rows that are left out; ROS takes a stamp of zero for none
 EPOCH = datetime.datetime(1970, 1, 1)
 
 
@@ -66,8 +67,8 @@ class Calibration:
         return intrinsics, -left[0, 3] / intrinsics[0, 0], baseline
 
 
-def read_timestamps(path):
-    """(N,) ns since 1970 of lines like 2011-09-26 13:02:25.967790592, taken as UTC."""
+def read_timestamps(path, faults):
+    """(N,) ns since 1970 of lines like 2011-09-26 13:02:25.967790592, taken as UTC; see only_increasing."""
     stamps = []
     for number, line in enumerate(read_lines(path), start=1):
         whole, _, fraction = line.partition(".")
@@ -76,20 +77,25 @@ def read_timestamps(path):
             stamps.append(seconds * 10**9 + int(fraction[:9].ljust(9, "0") or 0))
         except ValueError:
             raise InputError("%s: line %d is '%s', allowed: like 2011-09-26 13:02:25.967790592" % (path, number, line[:60]))
-    stamps = np.array(stamps, dtype=np.int64)
-    require_increasing(stamps, path)
-    return stamps
+    return only_increasing(np.array(stamps, dtype=np.int64), path, faults)
+
+
+def only_increasing(stamps, name, faults):
+    """(N,) ns with NO_STAMP where one does not increase, which is added to `faults`: rows keep the numbers of their files."""
+    return np.where(increasing_rows(stamps, name, faults), stamps, NO_STAMP)
 
 
 def read_oxts(folder, faults):
     """(stamps (N,) ns, rows (N, 30)) of an oxts folder: what dataformat.txt explains. Faults are added to `faults`."""
-    all_stamps = read_timestamps(os.path.join(folder, "timestamps.txt"))
+    all_stamps = read_timestamps(os.path.join(folder, "timestamps.txt"), faults)
     data = os.path.join(folder, "data")
     names = set(os.listdir(data)) if os.path.isdir(data) else set()
     stamps, rows = [], []
     for k, stamp in enumerate(all_stamps):
         path = os.path.join(data, "%010d.txt" % k)
         names.discard(os.path.basename(path))
+        if stamp == NO_STAMP:
+            continue
         try:
             row = [float(word) for word in read_lines(path)[0].split()]
             if len(row) != OXTS_COLUMNS or not np.all(np.isfinite(row)):

@@ -1,5 +1,6 @@
 """A recorded drive, whatever format it came in. Stamps are integer nanoseconds, as ROS and most recorders count them."""
 
+from bisect import bisect_left
 from collections import namedtuple
 
 import numpy as np
@@ -70,11 +71,36 @@ def rectified_pair(size, intrinsics, baseline):
 
 def require_increasing(stamps, name):
     """(N,) integer ns: within what a ROS time can hold, and each after the one before."""
+    stamps = _within_ros_time(stamps, name)
+    if (np.diff(stamps) <= 0).any():
+        k = int(np.argmax(np.diff(stamps) <= 0)) + 1
+        raise InputError("%s is not increasing: %d ns at index %d comes after %d ns" % (name, stamps[k], k, stamps[k - 1]))
+
+
+def increasing_rows(stamps, name, faults):
+    """(N,) bool of (N,) integer ns: as many rows as can be whose stamps increase; the others are added to `faults`.
+
+    The longest increasing subsequence: one stamp that is far ahead must not take all that follow with it.
+    """
+    stamps = _within_ros_time(stamps, name)
+    last, rows, before = [], [], np.full(len(stamps), -1)  # by length: the smallest last stamp, its row; row before each
+    for k, stamp in enumerate(stamps.tolist()):
+        length = bisect_left(last, stamp)
+        before[k] = rows[length - 1] if length else -1
+        if length == len(last) or stamp < last[length]:  # of equal ones the first stays
+            last[length:length + 1], rows[length:length + 1] = [stamp], [k]
+    kept, k = np.zeros(len(stamps), dtype=bool), rows[-1]
+    while k >= 0:
+        kept[k], k = True, before[k]
+    for k in np.flatnonzero(~kept):
+        faults.add("%s is not increasing: %d ns at index %d is not between its neighbours" % (name, stamps[k], k))
+    return kept
+
+
+def _within_ros_time(stamps, name):
     stamps = np.asarray(stamps)
     outside = (stamps < 1) | (stamps >= checks.MAX_ROS_SECONDS * 10**9)
     if outside.any():
         k = int(np.argmax(outside))
         raise InputError("%s is %d ns at index %d, allowed: from 1 to %d s" % (name, stamps[k], k, checks.MAX_ROS_SECONDS))
-    if (np.diff(stamps) <= 0).any():
-        k = int(np.argmax(np.diff(stamps) <= 0)) + 1
-        raise InputError("%s is not increasing: %d ns at index %d comes after %d ns" % (name, stamps[k], k, stamps[k - 1]))
+    return stamps

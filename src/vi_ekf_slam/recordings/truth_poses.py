@@ -19,9 +19,12 @@ def within(stamps, poses, start, end):
     return stamps, frame_change(np.eye(4), poses[0], "yaw") @ poses
 
 
-def asl_truth(path):
-    """(stamps ns, world_T_imu) of a data.csv: stamp, position, quaternion w x y z, and more that is not read."""
-    stamps, values = read_table(path, 7)
+def asl_truth(path, faults):
+    """(stamps ns, world_T_imu) of a data.csv: stamp, position, quaternion w x y z, and more that is not read.
+
+    faults: of csv_table.read_table.
+    """
+    stamps, values = read_table(path, 7, faults)
     quaternions = values[:, [4, 5, 6, 3]]
     norms = np.linalg.norm(quaternions, axis=1)
     bad = int(np.argmax(np.abs(norms - 1.0)))

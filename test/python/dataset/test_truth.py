@@ -82,6 +82,11 @@ def test_kitti_truth_need_not_begin_at_the_identity(write):
     assert np.allclose(poses[1], inverse(CAM_T_IMU) @ step @ CAM_T_IMU)
 
 
+def test_kitti_truth_without_upwards_is_refused_with_the_ways_out(write):
+    with pytest.raises(InputError, match="does not say where upwards is, allowed: a TUM file, .*evaluate.py --gauge pose"):
+        load_truth(write(IDENTITY_ROW), STAMPS, CAM_T_IMU, anchored=False)
+
+
 def test_tum_poses_are_the_imus_unless_said_otherwise(write):
     path = write(tum_line(100.0, (1, 1, 1)), tum_line(100.05, (3, 1, 1)))
     stamps, poses = load_truth(path, STAMPS, None)

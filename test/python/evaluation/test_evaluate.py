@@ -208,8 +208,17 @@ def test_one_dead_reckoning_has_one_column():
 def test_poses_without_truth_beside_them_are_remarked():
     subject = SimpleNamespace(name="a", summary={}, truth=(), cam_T_imu=np.eye(4), stamps=np.arange(100.0))
     for matched, words in ((97, []), (60, ["a: 40 of 100 poses have no truth beside them"])):
-        remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(matched=matched))]))
+        remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(matched=matched, truth_step=None))]))
         assert len(remarks) == len(words) and all(word in remark for word, remark in zip(words, remarks))
+
+
+def test_a_truth_sparser_than_the_trajectory_is_remarked(full_run, tmp_path):
+    truth = tmp_path / "truth.tum"
+    truth.write_text("".join(tum(TRUE_POSITIONS).splitlines(True)[1::3]))
+    done = script("evaluate.py", full_run, "--truth", truth)
+    assert "run: the truth is sparser than the trajectory, 0.3 s between its poses" in done.stdout, done.stderr
+    assert "have no truth beside them" not in done.stdout
+    assert numbers(full_run)["slam"]["matched"] == numbers(full_run)["consistency"]["poses"] == 3
 
 
 def test_names_tell_runs_apart():
@@ -366,12 +375,14 @@ def test_poses_of_a_camera_without_an_imu_are_judged_as_such(full_run, bag):
 
 
 def test_the_imu_of_a_run_may_have_had_any_topic(full_run, bag, tmp_path):
-    """summary.yaml names its frame, for a trajectory file beside the run too."""
+    """summary.yaml names its frame, for a trajectory file beside the run too; of two IMUs neither is guessed."""
     other = str(tmp_path / "other.bag")
     with rosbag.Bag(bag) as source, rosbag.Bag(other, "w") as target:
         for topic, message, time in source.read_messages():
-            target.write("/imu0" if topic == "/imu" else topic, message, time)
-    assert "positions of the IMU" in script("evaluate.py", full_run, "--bag", other, "--no-plots").stdout
+            for name in ("/imu0", "/imu1") if topic == "/imu" else (topic,):
+                target.write(name, message, time)
+    done = script("evaluate.py", full_run, "--bag", other, "--no-plots")
+    assert "positions of the IMU" in done.stdout and "%s has no left camera and IMU that /tf_static" % other in done.stdout
     with open(str(full_run / "summary.yaml"), "a", encoding="utf-8") as stream:
         stream.write('body: "imu_link"\n')
     done = script("evaluate.py", full_run, full_run / "trajectory.tum", "--bag", other, "--no-plots")

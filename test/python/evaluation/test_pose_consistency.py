@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
-from vi_ekf_slam.evaluation.against_truth import judge_covariances
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
 from vi_ekf_slam.evaluation.consistency import chi_square_bounds, nees, pose_errors
 
 
@@ -63,3 +63,24 @@ def test_the_right_covariance_has_a_nees_of_six():
     truth = [make_transform(so3_exp(d[3:]) @ estimate[:3, :3], estimate[:3, 3] + d[:3]) for d in drawn]
     values = nees(pose_errors([estimate] * 2000, truth), [covariance] * 2000)
     assert np.mean(values) == pytest.approx(6.0, abs=0.3)  # its standard deviation is sqrt(12 / 2000) = 0.08
+
+
+def test_truth_that_comes_once_a_second_is_compared_at_its_own_stamps():
+    # Shaken at 0.7 Hz: a straight line between true poses a second apart would be wrong by 0.1 m and 0.3 rad; between
+    # poses 0.05 s apart it is by 0.6 mm and 1.8 mrad at most, a curvature times 0.05^2 / 8.
+    def pose(t):
+        return make_transform(so3_exp([0.3 * np.sin(4.4 * t), 0, 0]), [t, 0.1 * np.sin(4.4 * t), 0])
+    stamps, true_stamps = 100.0 + 0.05 * np.arange(401), 100.21 + np.arange(19)
+    poses, truth = (np.array([pose(t) for t in s]) for s in (stamps, true_stamps))
+    covariances = np.array([(1.0 + k) * np.eye(6) for k in range(401)])
+    judged = judge_covariances(stamps, poses, covariances, (true_stamps, truth), "none")
+    assert np.array_equal(judged.stamps, true_stamps) and np.abs(judged.errors).max() < 2e-3
+    assert np.allclose(judged.deviations[:, 0] ** 2, 1.0 + 4 + 20 * np.arange(19))  # 100.21 is nearest to 100.20
+    evaluation = evaluate(stamps, poses, (true_stamps, truth), gauge="yaw")
+    assert evaluation.matched == 19 and evaluation.truth_step == pytest.approx(1.0)
+    assert evaluation.ate < 1e-3 and evaluation.orientation < np.degrees(2e-3)
+
+    # One as dense as the trajectory is interpolated, though its stamps jitter and some are missing.
+    dense = np.delete(stamps, slice(100, 120)) + 1e-3 * np.random.default_rng(1).uniform(size=381)
+    evaluation = evaluate(stamps, poses, (dense, np.array([pose(t) for t in dense])))
+    assert evaluation.matched == 400 and evaluation.truth_step is None

@@ -4,6 +4,9 @@ import argparse
 
 import cv2
 import numpy as np
+import rosbag
+
+from vi_ekf_slam.bag.converter import main
 
 SIZE = (64, 48)
 START = 1403636579763555584  # ns, more digits than a float of seconds holds
@@ -93,3 +96,17 @@ def kitti_odometry_folder(root):
     (root / "times.txt").write_text("0.000000e+00\n1.036224e-01\n2.072448e-01\n")
     (root / "poses.txt").write_text("".join("1 0 0 0 0 1 0 0 0 0 1 %d\n" % k for k in range(3)))
     return root
+
+
+MAKERS = {"asl": asl_folder, "kitti raw": kitti_raw_folder, "kitti odometry": kitti_odometry_folder}
+
+
+def convert(folder, tmp_path, *more):
+    """Messages of the bag by topic: (ns, message)."""
+    path = str(tmp_path / "out.bag")
+    assert main([str(folder), path, "--quiet", *more]) == 0
+    topics = {}
+    with rosbag.Bag(path) as bag:
+        for topic, message, stamp in bag.read_messages():
+            topics.setdefault(topic, []).append((stamp.to_nsec(), message))
+    return topics

@@ -6,9 +6,8 @@ import shutil
 import cv2
 import numpy as np
 import pytest
-import rosbag
 from conftest import data_file
-from folders import (ASL_STAMPS, IMU, PROJECTIONS, START, asl_folder, kitti_odometry_folder, kitti_raw_folder, options, picture)
+from folders import ASL_STAMPS, IMU, MAKERS, PROJECTIONS, START, asl_folder, convert, options, picture
 
 from vi_ekf_slam.bag.converter import main
 from vi_ekf_slam.bag.reader import read_reference
@@ -20,20 +19,6 @@ from vi_ekf_slam.recordings.image_files import Faults, image_size
 from vi_ekf_slam.recordings.kitti import load_kitti_raw, oxts_poses, oxts_rotation, oxts_velocities
 from vi_ekf_slam.recordings.kitti_files import read_oxts
 from vi_ekf_slam.recordings.rectification import RawCamera, rectify
-
-MAKERS = {"asl": asl_folder, "kitti raw": kitti_raw_folder, "kitti odometry": kitti_odometry_folder}
-
-
-def convert(folder, tmp_path, *more):
-    """Messages of the bag by topic: (ns, message)."""
-    path = str(tmp_path / "out.bag")
-    assert main([str(folder), path, "--quiet", *more]) == 0
-    topics = {}
-    with rosbag.Bag(path) as bag:
-        for topic, message, stamp in bag.read_messages():
-            topics.setdefault(topic, []).append((stamp.to_nsec(), message))
-    return topics
-
 
 @pytest.fixture
 def drive(tmp_path):
