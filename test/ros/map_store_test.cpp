@@ -132,5 +132,35 @@ TEST_F(MapStoreFolder, SavesNotOverTheMapThatItWaitsToFind) {
   EXPECT_THROW(MapStore({"", "", false, "map"}).load({}), MapError);
 }
 
+TEST_F(MapStoreFolder, ExemptsFromThatOnlyTheMapThatItKeepsACopyOf) {
+  writeMapFile(at("site.bag"), map_, "map");
+  SlamSystem system({});
+  MapStore store(resuming());
+  store.begin(system);
+  store.noteLoaded(at("site.bag"));
+  system.loadMap(store.load(at("site.bag")), at("site.bag"));
+  system.add(ImuSample{fromSeconds(2000.0), Eigen::Vector3d::Zero(), {}});
+  system.flush();
+  EXPECT_FALSE(store.snapshot(system.estimator(), at("site.bag")));
+  EXPECT_TRUE(store.snapshot(system.estimator(), store.savedPath()));
+
+  writeMapFile(at("map.bag"), map_, "map");
+  store.noteLoaded(store.savedPath());
+  EXPECT_TRUE(store.snapshot(system.estimator(), store.savedPath()));
+  EXPECT_EQ(get("before_resume_1/map.bag"), get("map.bag"));
+}
+
+TEST_F(MapStoreFolder, LooksForTheMapItResumedFromAfterAReset) {
+  map_.covariance *= 1e-4; // the heading is known
+  writeMapFile(at("map.bag"), map_, "map");
+  SlamSystem system({});
+  MapStore(resuming()).begin(system);
+  system.add(ImuSample{map_.stamp + fromSeconds(0.1), Eigen::Vector3d::Zero(), {}});
+  system.flush();
+  ASSERT_EQ(system.estimator().mapUse(), MapUse::kResumed);
+  system.reset("asked for");
+  EXPECT_EQ(system.estimator().mapUse(), MapUse::kWaiting);
+}
+
 } // namespace
 } // namespace vi_ekf_slam

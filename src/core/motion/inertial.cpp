@@ -142,7 +142,7 @@ Eigen::Matrix3d Inertial::noiseOf(const VelocitySample& sample) const {
 
 void Inertial::processStandstill(Filter& filter, const ImuTrack& imu, Stamp now, double dt) const {
   Matrix6d noise = standstillNoise(dt);
-  noise.bottomRightCorner<3, 3>() += imu.over(now, now).rate_density / std::max(dt, 1e-3);
+  noise.bottomRightCorner<3, 3>() += imu.gyroNoise(); // the rate is that of one sample
   Vector6d residual;
   residual << -filter.variables().mean(velocity_), imu.rateAt(now) - gyroBias(filter); // 0 = w_m - b_g - n
   Eigen::Matrix<double, 6, 3> by_velocity = Eigen::Matrix<double, 6, 3>::Zero(), by_bias = by_velocity;

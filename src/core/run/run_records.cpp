@@ -1,10 +1,13 @@
 #include "vi_ekf_slam/core/run/run_records.hpp"
 
+#include <fcntl.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -19,6 +22,18 @@ static_assert(std::is_trivially_copyable_v<RunRecord>);
 [[noreturn]] void fail(const char* what) {
   throw std::runtime_error(std::string("temporary file of the run's results: ") + what + ": " +
                            std::strerror(errno));
+}
+
+/// A file without a name: it goes with the process, however that ends.
+std::FILE* makeFile(const std::string& directory) {
+  namespace fs = std::filesystem;
+  if (!directory.empty()) fs::create_directories(directory);
+  const fs::path folder = directory.empty() ? fs::temp_directory_path() : fs::path(directory);
+  std::string name = (folder / ".vi_ekf_slam_XXXXXX").string();
+  const int file = mkostemp(name.data(), O_CLOEXEC);
+  if (file < 0) fail("cannot be made");
+  unlink(name.c_str());
+  return fdopen(file, "w+b");
 }
 
 /// read or write of all of `bytes`, by pread or pwrite: those need no common position.
@@ -37,7 +52,7 @@ void transfer(Call call, std::FILE* file, Byte* data, std::size_t bytes, std::si
 
 std::size_t RecordSpool::append(const std::vector<RunRecord>& records) {
   if (!file_) {
-    std::FILE* file = std::tmpfile();
+    std::FILE* file = makeFile(directory_);
     if (file == nullptr) fail("cannot be made");
     file_.reset(file, [](std::FILE* f) { std::fclose(f); });
   }

@@ -165,9 +165,17 @@ void RunWriter::addGyro(const Output& output) {
 
 void RunWriter::restart(std::optional<PathEstimate> path) {
   if (empty()) return;
-  runs_.back().records.close();
+  try {
+    runs_.back().records.close();
+  } catch (const std::runtime_error&) {
+    // They stay in memory, and the next addFrame says why.
+  }
   runs_.back().path = std::move(path);
   runs_.push_back({RunRecords(spool_)});
+}
+
+std::string RunWriter::earlierPath(const std::string& directory, std::size_t number) {
+  return (fs::path(directory) / (kBeforeReset + std::to_string(number))).string();
 }
 
 std::vector<std::size_t> RunWriter::earlierSizes() const {
@@ -219,7 +227,7 @@ void RunWriter::writeSmoothed(const std::string& directory, const RunRecords& re
 void RunWriter::writeTrajectory(const std::string& directory) const {
   writeRun(directory, runs_.back());
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
-    const std::string earlier = (fs::path(directory) / (kBeforeReset + std::to_string(i + 1))).string();
+    const std::string earlier = earlierPath(directory, i + 1);
     writeRun(earlier, runs_[i]);
     if (runs_[i].path) writeSmoothed(earlier, runs_[i].records, *runs_[i].path);
   }

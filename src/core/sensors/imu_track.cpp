@@ -16,6 +16,8 @@ constexpr double kMemory = 1.0;            // s, of how much the body shakes
 constexpr double kLeastDifferences = 5.0;  // to say so
 constexpr double kClearly = 2.0;           // times the noise that is stated; less is chance
 constexpr double kUsualPeriod = 0.01;      // s, before two samples have told
+constexpr double kWithoutAny = 1.0;        // s from a sample, where there is none at all
+constexpr double kLate = 1.5;              // periods, after which the next sample is missed
 // From one interval to the next: a parabola multiplies the noise of a shorter one (stamps of a host come in
 // bursts).
 constexpr double kRegular = 2.0;
@@ -33,6 +35,14 @@ ImuSample ImuTrack::completed(ImuSample sample) const {
 }
 
 void ImuTrack::expect(const ImuSample& next) { next_ = completed(next); }
+
+void ImuTrack::expectAt(Stamp stamp) {
+  const auto& one = next_ ? next_ : last_;
+  if (!one) return;
+  ImuSample there = *one;
+  there.stamp = stamp;
+  next_ = there;
+}
 
 void ImuTrack::reach(const ImuSample& measured) {
   if (measured.acceleration) accelerated_ = measured.stamp;
@@ -105,7 +115,7 @@ Eigen::Matrix3d ImuTrack::gyroNoise(const ImuSample& sample) const {
 
 /// A sample's noise holds for a period: its density is the covariance times that. In a gap of T s between two
 /// samples what walks ends where the second one is: over the gap it is off by walk^2 T^3 / 12; without a
-/// second one, T s after the last, it grows by walk^2 T^2.
+/// second one, T s after the last, or without a first one, T s before the next, it grows by walk^2 T^2.
 ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
   const Reading a = at(from), b = at(to), bent = bend(from, to);
   ImuInterval interval{0.5 * (a.rate + b.rate) + bent.rate,
@@ -127,9 +137,11 @@ ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
       raise(interval.acceleration_density, shaking_.acceleration[i]);
     }
   }
-  const double gap = !last_ ? kLongestPeriod : secondsBetween(last_->stamp, next_ ? next_->stamp : to);
-  if (gap > kLongestPeriod || !last_) {
-    const double growth = next_ ? gap * gap / 12.0 : gap * gap;
+  double gap = kWithoutAny;
+  if (last_ || next_) gap = secondsBetween(last_ ? last_->stamp : from, next_ ? next_->stamp : to);
+  const bool between = last_ && next_;
+  if (gap > (between ? kLongestPeriod : kLate * period)) {
+    const double growth = between ? gap * gap / 12.0 : gap * gap;
     interval.rate_density += growth * isotropic(kRateWalk);
     interval.acceleration_density += growth * isotropic(kAccelerationWalk);
   }

@@ -30,7 +30,7 @@ constexpr double kLargestTilt = 0.2;
 // s after the first measurement, at which a state may be given. One of later is of another time.
 constexpr double kSoon = 10.0;
 // Times what is expected of the accelerometer's bias: this is none, but what explains something else.
-constexpr double kLargestBias = 10.0;
+constexpr double kImplausibleBias = 10.0;
 
 } // namespace
 
@@ -78,7 +78,7 @@ bool InertialEstimator::begin(const InitialState& state) {
 }
 
 void InertialEstimator::expect(const ImuSample& next) {
-  if (filter_) filter_->expect(next);
+  tellAll([&next](auto& part) { part.expect(next); });
 }
 
 /// From what was saved or given.
@@ -116,6 +116,7 @@ void InertialEstimator::tryGiven(Stamp now) {
 }
 
 void InertialEstimator::process(const ImuSample& sample) {
+  expect(sample);
   tryToGoOn(sample.stamp);
   if (filter_) filter_->process(sample);
   if (alignment_) alignment_->process(sample);
@@ -147,7 +148,7 @@ FrameReport InertialEstimator::process(const StereoFrame& frame) {
 void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) {
   const bool has_diverged = divergence != Divergence::kNone;
   const bool is_biased =
-      filter_->accelerometerBias().norm() > kLargestBias * config_.inertial.accelerometer_bias_sigma;
+      filter_->accelerometerBias().norm() > kImplausibleBias * config_.inertial.accelerometer_bias_sigma;
   if (has_diverged) ++divergences_;
   if (has_diverged || is_biased) {
     suspect_at_ = frame.stamp;
@@ -200,7 +201,9 @@ std::string InertialEstimator::tryToStart(Stamp now) {
 }
 
 /// Whether it goes on from there: a start by a fit that was none, or where it is not linear, does not predict
-/// the frames that it is made of.
+/// the frames that it is made of. Velocities wait until the tilt is known: its prior is so wide that the
+/// noise of one turns the body by a tenth of a radian, and points follow that to first order
+/// (Filter::endPeriod).
 bool InertialEstimator::replay(InvariantEstimator& filter) const {
   std::size_t used = 0, rejected = 0;
   const std::deque<Measurement>& window = alignment_->measurements();
@@ -212,10 +215,8 @@ bool InertialEstimator::replay(InvariantEstimator& filter) const {
       if (report.divergence != Divergence::kNone) return false;
       used += report.used;
       rejected += report.rejected;
-    } else if (const auto* velocity = std::get_if<VelocitySample>(&*m)) {
-      filter.process(*velocity);
-    } else {
-      filter.process(std::get<ImuSample>(*m));
+    } else if (const auto* sample = std::get_if<ImuSample>(&*m)) {
+      filter.process(*sample);
     }
   }
   return static_cast<double>(rejected) <= kLargestRejection * static_cast<double>(used + rejected);

@@ -23,7 +23,11 @@ constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is track
 constexpr double kWhileLost = 1.5;
 constexpr double kSameAxes = 0.5;        // rad: nearer than any other way to mount it
 constexpr double kBridgeStep = 10.0;     // s
-constexpr double kKnownHeading = 1.0; // rad, standard deviation: corrections of more are none that are linear
+// rad, standard deviation: corrections of more are none that are linear. Of a body that knows the vertical
+// the tilt says where gravity points, which goes into its velocity: measured on flights through gaps, of up
+// to 0.75 s (0.19 rad) all are consistent afterwards (NEES of the position 2.0 in the mean of 16), of 0.9 s
+// (0.25 rad) a quarter is not (above 100).
+constexpr double kKnownHeading = 1.0, kKnownTilt = 0.2;
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
@@ -115,27 +119,30 @@ void InvariantEstimator::advanceTo(Stamp stamp) {
     if (dt > kTrackedGap) map_.loseAll(filter_);
     const Vector6d twist = motion_->twist(filter_, imu_, *stamp_);
     recovery_.travel(dt * twist.head<3>().norm(), dt * twist.tail<3>().norm());
-    propagate(filter_, *stamp_, stamp);
+    propagate(filter_, imu_, *stamp_, stamp);
   }
   stamp_ = stamp;
 }
 
-void InvariantEstimator::propagate(Filter& filter, Stamp from, Stamp to) const {
+void InvariantEstimator::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const {
   const auto steps =
       static_cast<Stamp>(std::max(1.0, std::ceil(secondsBetween(from, to) / kLongestStep - 0.1)));
   for (Stamp i = 0; from < to && i < steps; ++i)
-    motion_->propagate(filter, imu_, from + (to - from) * i / steps, from + (to - from) * (i + 1) / steps);
+    motion_->propagate(filter, imu, from + (to - from) * i / steps, from + (to - from) * (i + 1) / steps);
 }
 
 bool InvariantEstimator::canBridge(double gap_s) const {
+  const double known = motion_->knowsGravity() ? kKnownTilt : kKnownHeading;
   Filter ahead = filter_;
   Stamp now = stamp_.value_or(0);
+  const Stamp end = now + fromSeconds(gap_s);
+  ImuTrack imu = imu_;
+  imu.expectAt(end);
   // Bit by bit: over a gap of years the heading is lost soon.
-  for (const Stamp end = now + fromSeconds(gap_s); now < end;) {
+  while (now < end) {
     const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
-    propagate(ahead, std::exchange(now, next), next);
-    const double heading = ahead.covariance().diagonal().segment<3>(3).maxCoeff();
-    if (!(heading <= kKnownHeading * kKnownHeading)) return false;
+    propagate(ahead, imu, std::exchange(now, next), next);
+    if (!(ahead.covariance().diagonal().segment<3>(3).maxCoeff() <= known * known)) return false;
   }
   return true;
 }

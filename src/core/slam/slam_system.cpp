@@ -15,7 +15,11 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the IMU, and for biases told
+// s without any measurement, after which every estimate is good enough to go on.
+constexpr double kShortestGap = 0.4;
+constexpr const char* kLost = ", after which the orientation is not known";
 constexpr double kVelocityHolds = 2.0; // s; of one that stopped coming nothing is reckoned on
+constexpr std::size_t kLeastLandmarks = 6; // of a map in which a place can be found, see Relocaliser
 
 std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
   return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
@@ -120,9 +124,21 @@ void SlamSystem::followJump() {
     ++counts_.gaps;
   } else {
     reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
-          std::to_string(std::abs(ahead)) + " s" + (is_gap ? ", after which the heading is not known" : ""));
+              std::to_string(std::abs(ahead)) + " s" + (is_gap ? kLost : ""),
+          ahead > 0.0);
   }
   arrivals_.goOn();
+}
+
+/// The time until `now`, in which nothing was measured.
+void SlamSystem::bridge(Stamp now) {
+  const std::optional<Stamp> before = std::exchange(reached_, now);
+  const double gap = before ? secondsBetween(*before, now) : 0.0;
+  if (gap > kShortestGap && !estimator_->canBridge(gap)) {
+    keepMapOfBefore();
+    beginAnew("nothing was measured for " + std::to_string(gap) + " s" + kLost);
+    reached_ = now;
+  }
 }
 
 bool SlamSystem::needsRig() const {
@@ -158,19 +174,33 @@ void SlamSystem::setGates(const Gates& gates) {
   estimator_->setGates(gates);
 }
 
-void SlamSystem::reset(const std::string& reason) {
-  // What was measured before the reset is still due to whoever listens; where it is not known yet how the
-  // body moves, nothing has come of it.
+/// What was measured before a reset is still due to whoever listens; where it is not known yet how the body
+/// moves, nothing has come of it.
+void SlamSystem::endInput() {
   if (!motion_.isOpen()) flush();
   arrivals_.close();
   arrivals_.clear();
+}
+
+void SlamSystem::reset(const std::string& reason, bool keeps_map) {
+  endInput();
+  if (keeps_map || keeps_map_) keepMapOfBefore();
   beginAnew(reason);
 }
 
+void SlamSystem::keepMapOfBefore() {
+  if (estimator_->mapUse() == MapUse::kWaiting) return;
+  const auto saved = estimator_->savedMap();
+  auto map = saved ? std::make_shared<const SavedMap>(saved()) : nullptr;
+  if (map && map->landmarks.size() >= kLeastLandmarks) given_.map = std::move(map);
+}
+
 void SlamSystem::beginAnew(const std::string& reason) {
+  if (handlers_.map_end) handlers_.map_end(estimator_->savedMap());
   const PathEstimate path = handlers_.reset ? estimator_->path() : PathEstimate();
   estimator_ = makeEstimator();
   told_starts_.clear();
+  reached_.reset();
   checks_.restart();
   dead_reckoning_ = DeadReckoning();
   last_velocity_.reset();
@@ -189,9 +219,11 @@ void SlamSystem::requireJointMap(const std::string& source) const {
 
 void SlamSystem::loadMap(std::shared_ptr<const SavedMap> map, const std::string& source) {
   requireJointMap(source);
+  const bool has_begun = arrivals_.newest().has_value();
+  if (has_begun) endInput();
   given_.map = std::move(map);
-  if (arrivals_.newest()) {
-    reset("map loaded from " + source);
+  if (has_begun) {
+    beginAnew("map loaded from " + source);
   } else {
     estimator_->relocaliseIn(given_.map);
   }
@@ -207,7 +239,8 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
   if (is_inertial || has(ConstantTwist::kTwist))
     motion_.decide(is_inertial ? MotionChoice::kInertial : MotionChoice::kConstantTwist,
                    "as the saved map that it goes on from has it");
-  estimator_->resumeFrom(std::move(map), source, config_.buffer.max_gap_s);
+  estimator_->resumeFrom(map, source, config_.buffer.max_gap_s);
+  given_.map = std::move(map);
 }
 
 void SlamSystem::process(const Measurement& measurement) {
@@ -215,6 +248,7 @@ void SlamSystem::process(const Measurement& measurement) {
   const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (given_.rig && needsRig());
   if (is_used) checks_.use(measurement);
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
+  bridge(stampOf(measurement));
   if (const ImuSample* next = arrivals_.nextImu()) estimator_->expect(*next);
   if (needsRig()) blindness_.advanceTo(stampOf(measurement));
   counts_.blind_s = blindness_.total();

@@ -148,7 +148,8 @@ void Diagnostics::estimator(Status& status) {
   if (r.frame_rejected) status.summary(DiagnosticStatus::WARN, "the last frame was rejected as a whole");
 }
 
-/// An estimate that has just begun anew is an error; one that does so at each report keeps being one.
+/// An estimate that has just begun anew is an error, or without what it knew a warning; one that does so at
+/// each report keeps being one.
 void Diagnostics::divergence(Status& status) {
   status.summary(DiagnosticStatus::OK, "consistent");
   const Blindness& blindness = from_.system.blindness();
@@ -157,7 +158,11 @@ void Diagnostics::divergence(Status& status) {
     status.summary(DiagnosticStatus::WARN,
                    "loss of vision: no feature corrects the estimate, which is dead reckoning");
   }
-  const auto counts = from_.system.counts().divergences;
+  const SystemCounts all = from_.system.counts();
+  if (all.resets > reported_.resets)
+    status.mergeSummary(DiagnosticStatus::WARN, "begun anew: " + reset_reason_);
+  reported_.resets = all.resets;
+  const auto& counts = all.divergences;
   std::string reasons;
   for (std::size_t i = 1; i < kDivergenceCount; ++i) {
     status.add(std::string("diverged: ") + kDivergenceNames[i], counts[i]);
@@ -166,7 +171,7 @@ void Diagnostics::divergence(Status& status) {
   }
   reported_.divergences = counts;
   if (!reasons.empty()) {
-    status.summary(DiagnosticStatus::ERROR, "diverged and begun anew from where it was: " + reasons);
+    status.mergeSummary(DiagnosticStatus::ERROR, "diverged and begun anew from where it was: " + reasons);
   }
 }
 
@@ -185,8 +190,8 @@ void Diagnostics::map(Status& status) {
 }
 
 void Diagnostics::results(Status& status) {
-  const std::string& failure = from_.results.autosaveFailure();
-  if (!failure.empty()) return status.summary(DiagnosticStatus::ERROR, failure);
+  const std::string& problem = from_.results.problem();
+  if (!problem.empty()) return status.summary(DiagnosticStatus::ERROR, problem);
   status.summary(DiagnosticStatus::OK, "no autosave has failed");
 }
 

@@ -17,6 +17,11 @@ namespace fs = std::filesystem;
 
 constexpr char kBeforeResume[] = "before_resume_", kBroken[] = "map_broken_";
 
+bool isSame(const std::string& a, const std::string& b) {
+  std::error_code none; // of a path that is no file, as an empty one
+  return fs::weakly_canonical(a, none) == fs::weakly_canonical(b, none);
+}
+
 fs::path numbered(const fs::path& directory, const char* stem, int number, const char* extension) {
   return directory / (stem + std::to_string(number) + extension);
 }
@@ -28,10 +33,9 @@ int firstFree(const fs::path& directory, const char* stem, const char* extension
   return number;
 }
 
-/// Moves what an earlier run left in `directory` into a new folder; its map.bag stays, and is there too.
-/// Respawned before it has left anything, it has left nothing to be moved.
-void moveEarlierResults(const fs::path& directory) {
-  if (!fs::exists(directory)) return;
+/// What an earlier run left in `directory` beside its map.
+std::vector<fs::path> earlierResults(const fs::path& directory) {
+  if (!fs::exists(directory)) return {};
   std::vector<fs::path> results;
   for (const char* name : RunWriter::kFiles) {
     if (fs::exists(directory / name)) results.push_back(directory / name);
@@ -40,6 +44,12 @@ void moveEarlierResults(const fs::path& directory) {
     if (entry.path().filename().string().rfind(RunWriter::kBeforeReset, 0) == 0)
       results.push_back(entry.path());
   }
+  return results;
+}
+
+/// Moves `results` into a new folder; map.bag of `directory` stays, and is there too. Respawned before it has
+/// left anything, an earlier run has left nothing to be moved.
+void keepEarlier(const fs::path& directory, const std::vector<fs::path>& results) {
   const fs::path map = directory / kMapFileName;
   const int number = firstFree(directory, kBeforeResume, "");
   const fs::path last = numbered(directory, kBeforeResume, number - 1, "") / kMapFileName;
@@ -51,7 +61,7 @@ void moveEarlierResults(const fs::path& directory) {
   std::error_code no_links;
   if (fs::exists(map)) fs::create_hard_link(map, folder / kMapFileName, no_links);
   if (no_links) fs::copy_file(map, folder / kMapFileName);
-  ROS_INFO_STREAM("the results of the run before are in " << folder.string());
+  ROS_INFO_STREAM("what was saved before is kept in " << folder.string());
 }
 
 } // namespace
@@ -79,7 +89,9 @@ std::shared_ptr<const SavedMap> MapStore::load(const std::string& file) const {
   return std::make_shared<const SavedMap>(readMapFile(path));
 }
 
+/// In place of map.bag the map of now is soon saved.
 void MapStore::noteLoaded(const std::string& file) {
+  if (settings_.resume && isSame(file, savedPath())) keepEarlier(settings_.output_dir, {});
   const std::lock_guard<std::mutex> lock(loaded_mutex_);
   loaded_ = file;
 }
@@ -102,7 +114,10 @@ void MapStore::begin(SlamSystem& system) {
   const auto saved = settings_.resume ? readOrSetAside() : nullptr;
   const auto map =
       saved || settings_.map_file.empty() ? saved : load({}); // may throw: before anything is moved
-  if (settings_.resume) moveEarlierResults(settings_.output_dir);
+  if (settings_.resume) {
+    keepEarlier(settings_.output_dir, earlierResults(settings_.output_dir));
+    system.keepMap();
+  }
   if (saved) {
     resume(system, saved);
     return;
@@ -129,9 +144,8 @@ void MapStore::resume(SlamSystem& system, const std::shared_ptr<const SavedMap>&
 
 std::function<SavedMap()> MapStore::snapshot(const Estimator& estimator, const std::string& path) const {
   const std::lock_guard<std::mutex> lock(loaded_mutex_);
-  std::error_code none; // of a path that is no file, as an empty one
-  const bool would_replace =
-      !settings_.resume && fs::weakly_canonical(path, none) == fs::weakly_canonical(loaded_, none);
+  const bool is_kept = settings_.resume && isSame(path, savedPath()); // in before_resume_N
+  const bool would_replace = isSame(path, loaded_) && !is_kept;
   if (estimator.mapUse() == MapUse::kWaiting && would_replace) return {};
   return estimator.savedMap();
 }

@@ -75,6 +75,7 @@ void SlamNode::connectSystem() {
   system_.onStart([](const std::string& text) { ROS_INFO_STREAM(text); });
   if (!system_.motionText().empty()) ROS_INFO_STREAM("motion: " << system_.motionText());
   system_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
+  system_.onMapEnd([this](const std::function<SavedMap()>& map) { results_.keepEarlierMap(map); });
   system_.onReset([this](const std::string& reason, const PathEstimate& path) { handleReset(reason, path); });
   intake_.onProblem([](const std::string& problem) { ROS_WARN_STREAM(problem); });
 }
@@ -131,8 +132,8 @@ void SlamNode::subscribe(const std::string& pose_topic) {
 Services::Actions SlamNode::actions() {
   return {[this](const std::string& reason) { system_.reset(reason); },
           [this](std::shared_ptr<const SavedMap> map, const std::string& file) {
-            system_.loadMap(std::move(map), file);
             maps_.noteLoaded(file);
+            system_.loadMap(std::move(map), file);
           },
           [this](const geometry_msgs::PoseWithCovarianceStamped& pose) { return setPose(pose); },
           [this](const SetState::Request& state) { return setState(state); },
@@ -196,9 +197,12 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
 }
 
 void SlamNode::handleReset(const std::string& reason, const PathEstimate& path) {
-  ROS_WARN_STREAM("reset: " << reason << "; state, map and paths start anew");
+  const bool has_map = system_.estimator().mapUse() == MapUse::kWaiting;
+  ROS_WARN_STREAM(
+      "reset: " << reason << "; state, map and paths start anew"
+                << (has_map ? ", and the place in the map of before or that was loaded is looked for" : ""));
   sequencer_.endOfDrain();
-  diagnostics_.restart();
+  diagnostics_.restart(reason);
   intake_.restartTransforms();
   publishers_.restart();
   results_.restart(path);
@@ -206,13 +210,20 @@ void SlamNode::handleReset(const std::string& reason, const PathEstimate& path) 
 
 /// Why nothing was done; empty: it was.
 std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& message) {
+  const Estimator& estimator = system_.estimator();
   sequencer_.endOfDrain();
+  if (!intake_.imuFrame().empty()) {
+    if (system_.motion() == MotionChoice::kAuto)
+      return "the pose is not set, not started: no measurement has been processed yet";
+    if (!estimator.hasStarted()) return "the pose is not set, not started: " + estimator.startProblem();
+    publishers_.findBase(intake_.imuFrame(), estimator.startPose());
+  }
   const SE3 motion = publishers_.motionSince(conversions::toStamp(message.header.stamp));
   ToldPose told;
   const std::string problem =
       readToldPose(message, settings_.config.ros.map_frame, publishers_.base(), motion, told);
   if (!problem.empty()) return problem;
-  const bool was_elsewhere = system_.estimator().mapUse() == MapUse::kWaiting;
+  const bool was_elsewhere = estimator.mapUse() == MapUse::kWaiting;
   if (!system_.setPose(told.world_T_imu, told.covariance))
     return "the pose is not set: the configured estimator cannot, or its covariance would not be valid";
   ROS_INFO_STREAM("the pose is set" << (was_elsewhere ? ", in the loaded map; paths start anew" : ""));
@@ -256,7 +267,7 @@ void SlamNode::warn() {
   if (intake_.received() == 0) {
     // what calibration lacks is not the point yet
   } else if (system_.needsRig() && !system_.hasRig()) {
-    add("features are not used, dead reckoning only: " + intake_.rigAssembler().problem());
+    add("features are not used: " + intake_.rigAssembler().problem());
   } else if (intake_.rigAssembler().changedLater()) {
     add("camera_info has changed; the first calibration stays in use until a restart");
   }

@@ -141,6 +141,22 @@ TEST(LevelGauge, IsNeverLearnedWhateverIsMeasured) {
   }
 }
 
+// The rate that it is told is one sample's, with that one's noise, however long ago the last frame was.
+TEST(InertialStandstillUpdate, TellsOfTheGyrosBiasWhatASampleTells) {
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  Inertial::Options options;
+  options.noise_given = true;
+  options.noise.gyro_density = 0.002;
+  InertialScene scene(options);
+  const double prior = 0.01, sample = 0.002 * 0.002 * 1000.0; // (rad/s)^2, of 1000 Hz
+  scene.filter.reset(scene.motion.gyroBiasVariable(), isotropic(std::sqrt(prior)));
+  ImuTrack imu(options.noise, true);
+  for (const double t : {0.0, 0.001}) imu.reach(imuSample(t, none, {0.0, 0.0, kGravity}));
+  scene.motion.processStandstill(scene.filter, imu, fromSeconds(0.001), 0.2);
+  const double known = scene.filter.covariance(scene.motion.gyroBiasVariable())(0, 0);
+  EXPECT_NEAR(known, prior * sample / (prior + sample), 0.02 * known);
+}
+
 TEST(LevelGauge, TiltIsLearnedAndTheHeadingIsNot) {
   Random random(4);
   InertialScene scene(noisyImu());

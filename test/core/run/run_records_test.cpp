@@ -1,7 +1,11 @@
 #include "vi_ekf_slam/core/run/run_records.hpp"
 
 #include <gtest/gtest.h>
+#include <stdlib.h>
 
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
 #include <thread>
 
 namespace vi_ekf_slam {
@@ -45,6 +49,24 @@ TEST(RunRecords, OfSeveralRunsShareASpool) {
   for (std::size_t i = 500; i < 1100; ++i) second.add(recordOf(i));
   EXPECT_EQ(countFrom(first, 0), 300U);
   EXPECT_EQ(countFrom(second, 500), 600U);
+}
+
+TEST(RunRecords, AreLostOnlyWhileTheSpoolCannotBeWritten) {
+  namespace fs = std::filesystem;
+  char name[] = "/tmp/vi_ekf_slam_records_XXXXXX";
+  ASSERT_NE(nullptr, mkdtemp(name));
+  const fs::path folder = fs::path(name) / "run";
+  std::ofstream(folder) << "in the way";
+  RunRecords records(std::make_shared<RecordSpool>(folder.string()));
+  for (std::size_t i = 0; i < 256; ++i) records.add(recordOf(i));
+  EXPECT_THROW(records.add(recordOf(1000)), std::runtime_error);
+  EXPECT_THROW(records.close(), std::runtime_error);
+  EXPECT_EQ(countFrom(records, 0), 256U);
+  fs::remove(folder);
+  for (std::size_t i = 256; i < 600; ++i) records.add(recordOf(i));
+  EXPECT_EQ(countFrom(records, 0), 600U);
+  EXPECT_TRUE(fs::is_empty(folder)) << "it has no name";
+  fs::remove_all(name);
 }
 
 TEST(RunRecords, CopiesCanBeReadWhileTheOriginalGrows) {

@@ -128,6 +128,19 @@ TEST(ImuTrack, DensitiesAreAMessagesCovarianceTimesThePeriodWhereItHasOne) {
       1e-15);
 }
 
+// A frame is looked at before the next sample where that comes late: held beyond its turn the last one is not
+// what it is.
+TEST(ImuTrack, ASampleThatIsMissedMakesTheRateUncertain) {
+  ImuTrack imu(kNoise, true);
+  for (const double t : {10.0, 10.01})
+    imu.reach(imuSample(t, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  const auto density = [&imu](double to) {
+    return imu.over(fromSeconds(10.01), fromSeconds(to)).rate_density(0, 0);
+  };
+  EXPECT_EQ(density(10.02), 1e-4);
+  EXPECT_NEAR(density(10.06) - 1e-4, 2.5e-3, 1e-9);
+}
+
 // An IMU of 10 Hz is slow, and one that is silent for longer has lost samples.
 TEST(ImuTrack, AGapIsUncertainByWhatTheBodyMayHaveDoneInIt) {
   const auto density = [](double gap) {
@@ -142,6 +155,17 @@ TEST(ImuTrack, AGapIsUncertainByWhatTheBodyMayHaveDoneInIt) {
   const ImuInterval over = open.over(fromSeconds(10.0), fromSeconds(10.4));
   EXPECT_NEAR(over.rate_density(1, 1) - 1e-4, 12.0 * (density(0.4) - 1e-4), 1e-9);
   EXPECT_GT(over.acceleration_density(0, 0), over.rate_density(0, 0));
+  // As much where no sample begins it.
+  ImuTrack late(kNoise, true);
+  late.expect(imuSample(10.4, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));
+  EXPECT_NEAR(late.over(fromSeconds(10.0), fromSeconds(10.1)).rate_density(1, 1), over.rate_density(1, 1),
+              1e-9);
+  EXPECT_GT(ImuTrack(kNoise, true).over(fromSeconds(10.0), fromSeconds(10.1)).rate_density(1, 1),
+            over.rate_density(1, 1))
+      << "and more without any";
+  // As if it were known that one ends it.
+  open.expectAt(fromSeconds(10.4));
+  EXPECT_EQ(open.over(fromSeconds(10.0), fromSeconds(10.4)).rate_density(1, 1), density(0.4));
   // A gap does not count as the IMU's period.
   ImuTrack imu = growing();
   imu.reach(imuSample(12.0, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()));

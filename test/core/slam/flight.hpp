@@ -93,7 +93,8 @@ class Flight {
     }
     return frame;
   }
-  double lastSeconds() const { return secondsBetween(kBegin, last_); } ///< of the last sample
+  double lastSeconds() const { return timeOf(last_); } ///< of the last sample
+  static double timeOf(Stamp stamp) { return secondsBetween(kBegin, stamp); }
 
   /// What is true at the next sample, with this covariance of the errors as InitialState has them; off by
   /// `error`.

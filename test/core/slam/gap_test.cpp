@@ -142,7 +142,7 @@ TEST(SlamSystem, BeginsAnewAfterAGapAfterWhichTheHeadingIsNotKnownAndSaysSo) {
   EXPECT_EQ(told.counts.resets, 1u);
   ASSERT_EQ(told.reasons.size(), 1u);
   EXPECT_EQ(told.reasons[0].rfind("time jumped ahead by 20", 0), 0u) << told.reasons[0];
-  EXPECT_NE(told.reasons[0].find("s, after which the heading is not known"), std::string::npos)
+  EXPECT_NE(told.reasons[0].find("s, after which the orientation is not known"), std::string::npos)
       << told.reasons[0];
   EXPECT_LT(told.position, 1.0);
   EXPECT_TRUE(told.finite);
@@ -152,7 +152,7 @@ TEST(SlamSystem, BeginsAnewAfterALongerGapThanIsAllowed) {
   const Told told = driveThrough(31.0, EstimatorType::kInvariant);
   EXPECT_EQ(told.counts.resets, 1u);
   ASSERT_EQ(told.reasons.size(), 1u);
-  EXPECT_EQ(told.reasons[0].find("heading"), std::string::npos) << told.reasons[0];
+  EXPECT_EQ(told.reasons[0].find("orientation"), std::string::npos) << told.reasons[0];
 }
 
 TEST(SlamSystem, BridgesWithAnEstimatorThatDoesNotSay) {

@@ -142,6 +142,62 @@ TEST(InertialMap, OfLongAgoIsNotResumedFromButFoundAgain) {
   expectNear(second.state().world_T_imu, flown.truth(), 0.15, 0.03);
 }
 
+// Before the first sample it may have turned anyhow.
+TEST(InertialMap, OfASecondAgoIsNotResumedFrom) {
+  Flown flown(2);
+  InertialEstimator second = inertialEstimator(inertialConfig(mapFlight(), mapFlight().pixel));
+  second.resumeFrom(std::make_shared<const SavedMap>(flown.estimator.savedMap()()), "map.bag", 5.0);
+  flown.flight.skip(1.0);
+  flown.flight.feedSample(second, [](auto&) {});
+  EXPECT_FALSE(second.hasStarted());
+  EXPECT_EQ(second.mapUse(), MapUse::kWaiting);
+}
+
+// Nothing is measured for a while, whatever counts as a jump of the clock.
+TEST(InertialMap, OfBeforeAGapIsWhereItFindsItsPlaceAgain) {
+  for (const double jump : {1.0, 60.0}) {
+    for (const double gap : {0.5, 2.0}) {
+      Flown flown(2);
+      Config config;
+      config.invariant = inertialConfig(mapFlight(), mapFlight().pixel);
+      config.buffer.max_jump_s = jump;
+      SlamSystem system(config);
+      std::vector<std::string> reasons;
+      system.onReset(
+          [&reasons](const std::string& reason, const PathEstimate&) { reasons.push_back(reason); });
+      system.setRig(exampleRig());
+      SE3 map_T_world;
+      const auto fly = [&](double seconds) {
+        for (const double end = flown.flight.seconds() + seconds; flown.flight.seconds() < end;) {
+          for (int i = 0; i < 10; ++i) system.add(flown.flight.sample());
+          system.add(flown.flight.frame());
+        }
+      };
+      fly(4.0);
+      ASSERT_TRUE(system.estimator().hasStarted());
+      system.onFrame([&](const Output& output) {
+        if (system.counts().resets > 0) return;
+        const SE3 truth = flown.flight.pose(flown.flight.timeOf(output.state.stamp));
+        map_T_world = levelled(output.state.world_T_imu, truth) * truth.inverse();
+      });
+      fly(4.0);
+      flown.flight.skip(gap);
+      fly(8.0);
+      system.flush();
+      const bool is_bridged = gap < 0.75;
+      EXPECT_EQ(system.counts().resets, is_bridged ? 0u : 1u) << gap;
+      ASSERT_EQ(reasons.size(), is_bridged ? 0u : 1u);
+      if (!is_bridged) {
+        EXPECT_NE(reasons[0].find("orientation is not known"), std::string::npos) << reasons[0];
+        EXPECT_EQ(system.estimator().mapUse(), MapUse::kRelocalised);
+      }
+      const SE3 truth =
+          map_T_world * flown.flight.pose(flown.flight.timeOf(system.estimator().state().stamp));
+      expectNear(system.estimator().state().world_T_imu, truth, 0.15, 0.03);
+    }
+  }
+}
+
 TEST(InertialMap, IsFoundAgainFromAStartThatHeadsElsewhere) {
   for (unsigned seed = 3; seed < 6; ++seed) {
     Flown flown(seed);

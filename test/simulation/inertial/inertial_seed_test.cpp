@@ -164,6 +164,20 @@ TEST(InertialSeed, ACarInMotionStartsWithinTwoSecondsAndRight) {
   }
 }
 
+// Wheels tell a velocity from the first sample on, while the tilt is hardly known (NEES of 97 where they were
+// heard at once).
+TEST(InertialSeed, ACarWithWheelsStartsByItselfAndIsHonest) {
+  DriveOptions options = studyOptions(MotionModel::kInertialCar);
+  options.duration = 6.0;
+  options.velocity_samples = true;
+  options.velocity_sigma = 0.1;
+  InertialStudy study;
+  study.start = StudyStart::kSelf;
+  const auto results = runSeeds(Config(), options, 1, 4, 2, {}, study);
+  ASSERT_EQ(startedOf(results).size(), 4u);
+  expectHonest(results);
+}
+
 TEST(InertialSeed, WhatIsIntegratedWithoutFeaturesIsAsWrongAsClaimed) {
   InertialStudy study;
   study.blind_from = 4.0;

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -25,12 +26,15 @@ struct RunRecord {
 /// threads.
 class RecordSpool {
  public:
+  /// `directory`: where it is made with the first records, and made itself; empty: where temporary files are.
+  explicit RecordSpool(std::string directory = {}) : directory_(std::move(directory)) {}
   /// Returns where they are. Throws std::runtime_error where no temporary file can be made or written.
   std::size_t append(const std::vector<RunRecord>& records);
   /// `records.size()` of them. Throws std::runtime_error.
   void read(std::size_t position, std::vector<RunRecord>& records) const;
 
  private:
+  std::string directory_;
   std::shared_ptr<std::FILE> file_;
   std::size_t size_ = 0; ///< records
 };
@@ -42,7 +46,8 @@ class RunRecords {
  public:
   explicit RunRecords(std::shared_ptr<RecordSpool> spool) : spool_(std::move(spool)) {}
 
-  /// Throws std::runtime_error where the spool cannot be written.
+  /// Throws std::runtime_error where the spool cannot be written: this record is lost, the next one tries it
+  /// again.
   void add(const RunRecord& record);
   /// Nothing more comes: nothing stays in memory.
   void close();

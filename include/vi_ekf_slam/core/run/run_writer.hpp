@@ -59,6 +59,10 @@ class RunWriter {
   /// What the names of the folders of earlier starts begin with.
   static constexpr const char* kBeforeReset = "before_reset_";
 
+  /// `directory`: where what is collected is kept meanwhile, see RecordSpool.
+  explicit RunWriter(const std::string& directory = {}) : spool_(std::make_shared<RecordSpool>(directory)) {}
+
+  /// Throws as RunRecords::add does.
   void addFrame(const Output& output);
   /// Kept only as long as there is no frame.
   void addGyro(const Output& output);
@@ -74,6 +78,8 @@ class RunWriter {
 
   /// Number of poses in each of DIR/before_reset_1, _2, ...
   std::vector<std::size_t> earlierSizes() const;
+  /// Which of these the results of now go to with the next restart.
+  std::string nextEarlier(const std::string& directory) const { return earlierPath(directory, runs_.size()); }
 
   /// Creates `directory` and its parents, as the writing functions do.
   static void makeDirectory(const std::string& directory);
@@ -93,12 +99,13 @@ class RunWriter {
   };
 
   static RunRecord toRecord(const Output& output);
+  static std::string earlierPath(const std::string& directory, std::size_t number);
   static void writeRun(const std::string& directory, const Run& run);
   static void writeSmoothed(const std::string& directory, const RunRecords& records,
                             const PathEstimate& path);
   void writeSummary(const std::string& directory, const RunSummary& summary, std::size_t landmarks) const;
 
-  std::shared_ptr<RecordSpool> spool_ = std::make_shared<RecordSpool>();
+  std::shared_ptr<RecordSpool> spool_;
   std::vector<Run> runs_{{RunRecords(spool_)}};
 };
 

@@ -31,6 +31,8 @@ class ImuTrack {
 
   /// The next sample is known before the estimate gets there.
   void expect(const ImuSample& next);
+  /// As if one like those that are known came then; nothing where none is.
+  void expectAt(Stamp stamp);
   /// The estimate has got to it.
   void reach(const ImuSample& measured);
   /// Over [from, to], which no sample but the last one and the next divides.

@@ -24,6 +24,7 @@ class InertialAlignment {
   void setRig(const StereoRig& rig);
   void setBiasPrior(const TwistBias& bias);
   void setGates(const Gates& gates);
+  void expect(const ImuSample& next) { imu_.expect(next); }
   void process(const ImuSample& sample);
   void process(const VelocitySample& sample);
   /// What odometry made of it.

@@ -56,7 +56,7 @@ class InvariantEstimator : public Estimator {
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
   void advanceTo(Stamp stamp);
-  void propagate(Filter& filter, Stamp from, Stamp to) const;
+  void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const;
   void checkpoint(bool thoroughly);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,

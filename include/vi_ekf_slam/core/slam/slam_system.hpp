@@ -70,6 +70,10 @@ class SlamSystem {
   /// Called after a reset, with the reason and the path that ended, as it was known last.
   using ResetHandler = std::function<void(const std::string& reason, const PathEstimate& path)>;
   void onReset(ResetHandler handler) { handlers_.reset = std::move(handler); }
+  /// Called before that with the map that ends, see Estimator::savedMap.
+  void onMapEnd(std::function<void(std::function<SavedMap()>)> handler) {
+    handlers_.map_end = std::move(handler);
+  }
   /// Called when a sensor is used for the first time: which noise it is taken to have, and from where.
   void onNoise(std::function<void(const StreamNoise&)> handler) { checks_.onNoise(std::move(handler)); }
 
@@ -115,7 +119,10 @@ class SlamSystem {
   void setGates(const Gates& gates);
 
   /// Forgets state and map, keeps calibration, counts and what was loaded.
-  void reset(const std::string& reason);
+  void reset(const std::string& reason) { reset(reason, false); }
+  /// From now on the map of before a reset takes the place of one that was loaded, unless that is still
+  /// looked for, or no measurement made the estimate right.
+  void keepMap() { keeps_map_ = true; }
 
   /// The IMU is where somebody says it is, see Estimator::setPose.
   bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) {
@@ -125,8 +132,8 @@ class SlamSystem {
   /// Begins anew, to find its place in `map`, and does so after every reset. Throws MapError for an estimator
   /// that keeps no joint map.
   void loadMap(std::shared_ptr<const SavedMap> map, const std::string& source);
-  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom), until a reset. Throws
-  /// MapError as above, and for a map of another motion model.
+  /// Before the first measurement: goes on from `map` (see Estimator::resumeFrom); after a reset its place is
+  /// looked for. Throws MapError as above, and for a map of another motion model.
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source);
 
   const Estimator& estimator() const { return *estimator_; }
@@ -138,6 +145,7 @@ class SlamSystem {
   struct Handlers {
     std::function<void(const Output&)> frame, gyro;
     ResetHandler reset;
+    std::function<void(std::function<SavedMap()>)> map_end;
     std::function<void(const std::string&)> start;
   };
   /// What every new estimator is told.
@@ -150,6 +158,9 @@ class SlamSystem {
 
   void requireJointMap(const std::string& source) const;
   void followJump();
+  void bridge(Stamp now);
+  void keepMapOfBefore();
+  void reset(const std::string& reason, bool keeps_map);
   void drain();
   void adoptMotion();
   std::unique_ptr<Estimator> makeEstimator() const;
@@ -160,6 +171,7 @@ class SlamSystem {
   void process(const ImuSample& sample);
   void process(const VelocitySample& sample);
   void process(const StereoFrame& frame);
+  void endInput();
   void beginAnew(const std::string& reason);
   void count(const FrameReport& report);
 
@@ -168,6 +180,8 @@ class SlamSystem {
   Arrivals arrivals_;
   std::unique_ptr<Estimator> estimator_;
   Given given_;
+  bool keeps_map_ = false;
+  std::optional<Stamp> reached_; ///< by the estimate
   DeadReckoning dead_reckoning_;
   std::optional<Stamp> last_velocity_; ///< since the start
   LeverArm lever_arm_;

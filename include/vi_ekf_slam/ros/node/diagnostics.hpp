@@ -6,6 +6,7 @@
 #include <array>
 #include <deque>
 #include <optional>
+#include <string>
 
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
@@ -46,8 +47,11 @@ class Diagnostics {
 
   /// `arrival`: in the callback.
   void noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Clock::time_point arrival);
-  /// Stamps begin anew.
-  void restart() { latency_.restart(); }
+  /// Stamps begin anew, for this reason.
+  void restart(const std::string& reason) {
+    latency_.restart();
+    reset_reason_ = reason;
+  }
   /// Intake's, and what was shed before it.
   std::map<std::string, std::uint64_t> allTurnedAway() const;
   void noteOutput(const Output& output, bool is_frame);
@@ -74,13 +78,14 @@ class Diagnostics {
 
   /// Counts that the last report had.
   struct Reported {
-    std::uint64_t shed = 0, drops = 0;
+    std::uint64_t shed = 0, drops = 0, resets = 0;
     std::array<std::uint64_t, kDivergenceCount> divergences{};
   };
 
   Sources from_;
   LatencyMeter latency_;
   Reported reported_;
+  std::string reset_reason_; ///< of the last one
   std::array<RateMeter, kStreamCount> rates_;
   Stamp newest_input_ = 0;
   Stamp newest_output_ = 0;

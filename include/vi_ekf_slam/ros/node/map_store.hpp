@@ -44,7 +44,8 @@ class MapStore {
   std::string source() const;
   /// The map in `file`, or where that is empty in source(). Throws MapError.
   std::shared_ptr<const SavedMap> load(const std::string& file) const;
-  /// The map of this file is the one to be relocalised in.
+  /// The map of this file is going to be the one to be relocalised in. Where map.bag of output_dir is, and is
+  /// kept up to date, a copy goes to before_resume_N. Throws std::runtime_error where that cannot be made.
   void noteLoaded(const std::string& file);
 
   /// Whether map.bag is to be kept up to date without being asked for.

@@ -30,11 +30,14 @@ class Results {
 
   // In the worker.
   void add(const Output& output, bool is_frame);
+  /// Before a restart: writes the map to the folder that the earlier poses go to, beside the work, where
+  /// map.bag is kept up to date. Empty: there is none.
+  void keepEarlierMap(const std::function<SavedMap()>& map);
   /// Earlier poses are in another frame, or of another start.
   void restart(std::optional<PathEstimate> path = std::nullopt) { writer_.restart(std::move(path)); }
   void autosaveIfDue();
-  /// Why the last autosave could not; empty: nothing.
-  const std::string& autosaveFailure() const { return autosave_failure_; }
+  /// Why something is not saved; empty: nothing is missing.
+  const std::string& problem() const { return lost_.empty() ? autosave_failure_ : lost_; }
 
   // In any other thread.
   Answer saveTrajectory();
@@ -44,7 +47,7 @@ class Results {
 
   /// The worker has ended: saves everything, and says so.
   void saveAtTheEnd();
-  /// Why saveAtTheEnd() could not; empty: nothing. In its thread.
+  /// Why something is not saved after saveAtTheEnd(); empty: all is. In its thread.
   const std::string& failure() const { return failure_; }
 
  private:
@@ -52,6 +55,9 @@ class Results {
   using Snapshot = std::function<std::function<std::string()>()>;
 
   Answer save(const Snapshot& snapshot);
+  void requireMeasurements(const std::string& path) const;
+  void noteLoss(const std::string& failure);
+  void finishEarlierMap();
   std::function<SavedMap()> mapToKeep() const;
 
   std::string output_dir_;
@@ -64,6 +70,8 @@ class Results {
   WorkQueue::Clock::time_point last_autosave_ = WorkQueue::Clock::now();
   std::shared_future<std::string> autosave_; ///< why it could not
   std::string autosave_failure_;             ///< of the one before
+  std::future<std::string> earlier_map_;     ///< why it could not be written
+  std::string lost_;                         ///< why, of what no later autosave can save; the first
   std::atomic<double> autosave_cost_s_{0.0}; ///< s of wall time that the last one took
   std::atomic<bool> service_saves_{false};   ///< set by the worker: no autosave begins
   std::string failure_;

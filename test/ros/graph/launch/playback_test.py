@@ -58,6 +58,14 @@ class Playback(LaunchRunner):
         log = self.play("nodelet:=true", "output_dir:=" + nodelet)
         self.check_equal(expected, nodelet, log)
 
+    def test_a_name_with_an_apostrophe(self):
+        """Of a bag and of a folder."""
+        bag = os.path.join(self.folder, "it's.bag")
+        os.rename(self.bag, bag)
+        self.bag = bag
+        log = self.play()
+        self.assertEqual(61, len(_read(self.folder, "it's_slam", "trajectory.tum").splitlines()), log)
+
     def test_velocities_of_another_frame_are_carried_to_the_imu(self):
         """By a transform that comes later than the first of them; whichever message says it, as if the IMU's had."""
         of_imu = np.array([line.split() for line in _read(self.run_bag(), "trajectory.tum").splitlines()], float)

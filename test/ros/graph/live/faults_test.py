@@ -103,7 +103,7 @@ class Faults(DrivePlayer):
 
     def test_a_bag_that_loops(self):
         """Twice the same stamps; simulated time restarts with them. The second round begins anew and loses nothing."""
-        once = self.drive()
+        once, known = self.drive(), len(self.reports)
         self.play(once)
         self.assertTrue(self.answered(self.start + LENGTH))
         self.play(copy.deepcopy(once))
@@ -112,6 +112,8 @@ class Faults(DrivePlayer):
         self.check_counts({"resets": 1})
         self.check_transforms(restarts=1)
         self.check_pose(LENGTH)
+        said = [(s.level, s.message) for r in self.reports[known:] for s in r.status if "anew: time jumped back" in s.message]
+        self.assertEqual([DiagnosticStatus.WARN], [level for level, _ in said], said)
 
     # Content
 

@@ -5,10 +5,13 @@ import os
 import signal
 import sys
 
+import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_srvs.srv import Trigger
 
 from node_runner import START, NodeRunner, bound_files
+from vi_ekf_slam.srv import SaveMap
 
 
 class Ending(NodeRunner):
@@ -73,8 +76,21 @@ class Ending(NodeRunner):
 
     def test_a_fault_ends_the_node(self):
         """With an exit code that says so; what was computed until then is there."""
-        node = self.start_node(bound_files, output_dir=self.output, autosave_period=0)
-        self.reckon_until(lambda: node.poll() is not None)
+        node = self.start_node(output_dir=self.output, autosave_period=0, resume=True)
+        self.fail_at_a_reset(node, lambda: node.poll() is not None)
+        self.assertEqual(1, node.wait(20))
+        self.assertGreater(self.poses(), 255)
+
+    def test_a_full_disk_does_not_end_the_node(self):
+        """Its estimate goes on; that poses are missing is said at once, and by the exit code."""
+        reports = self.listen("/diagnostics", DiagnosticArray)
+        node = self.start_node(bound_files, output_dir=self.output, autosave_period=0, diagnostic_period=0.1)
+        self.reckon_until(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= START + 89.0)
+        self.wait_for(lambda: any(status.name.endswith(": results") and status.level == DiagnosticStatus.ERROR
+                                  and "not all poses are saved" in status.message
+                                  for report in list(reports) for status in report.status))
+        self.assertIsNone(node.poll())
+        node.send_signal(signal.SIGINT)
         self.assertEqual(1, node.wait(20))
         self.assertGreater(self.poses(), 255)
 
@@ -86,6 +102,10 @@ class Ending(NodeRunner):
             reports = self.listen("/diagnostics", DiagnosticArray)
             node = self.start_node(output_dir=folder, autosave_period=0.1, diagnostic_period=0.1)
             self.wait_for(lambda: len(reports) > 4)  # by the last it has looked at least twice whether a save is due
+            for name, kind in (("save_trajectory", Trigger), ("save_map", SaveMap)):
+                answer = rospy.ServiceProxy("/%s/%s" % (self.name, name), kind)()
+                self.assertFalse(answer.success)
+                self.assertIn("no measurement", answer.message)
             node.send_signal(signal.SIGINT)
             self.assertEqual(0, node.wait(20))
         self.assertEqual(["trajectory.tum"], os.listdir(self.output))

@@ -11,6 +11,7 @@ import rospy
 import rostest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Log
 from tf2_msgs.msg import TFMessage
@@ -18,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 import drive_data
 import inertial_drive
 from node_runner import START, WITHOUT_SLIP, NodeRunner
-from vi_ekf_slam.srv import SetState
+from vi_ekf_slam.srv import SetPose, SetState
 
 MOVING = 4.0  # s of the drive, at full speed
 
@@ -149,6 +150,11 @@ class InertialTest(NodeRunner):
         self.assertIn("it must be 9.81 within", status.message)
         self.assertIn("are they in g? they must be in m/s^2", self.report("inputs").message)
         self.assertFalse(self.odometry)
+        told = PoseWithCovarianceStamped()
+        told.header.frame_id = "map"
+        told.pose.pose.orientation.w = 1.0
+        answer = rospy.ServiceProxy("/%s/set_pose" % self.name, SetPose)(told)
+        self.assertIn("not started: gravity is not explained", answer.message)
         told = [m.msg for m in self.said if m.msg.startswith("not started: gravity is not explained")]
         self.assertEqual(1, len(told), told)
         self.wait_for(lambda: any("no pose is published yet, not started: gravity is not explained" in m.msg

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from roslib.packages import find_node
 from tf2_msgs.msg import TFMessage
 
-from node_runner import START, NodeRunner, bound_files, patiently
+from node_runner import START, NodeRunner, patiently
 
 MANAGER = "slam_manager"
 
@@ -27,22 +27,22 @@ class NodeletTest(NodeRunner):
         super().setUp()
         self.reports = self.listen("/diagnostics", DiagnosticArray)
 
-    def start_process(self, *arguments, **options):
+    def start_process(self, *arguments):
         """Its output comes to a file of its own."""
         log = os.path.join(self.output, "log_%d" % len(os.listdir(self.output)))
         with open(log, "w", encoding="utf-8") as file:
-            process = subprocess.Popen(arguments, stdout=file, stderr=subprocess.STDOUT, **options)
+            process = subprocess.Popen(arguments, stdout=file, stderr=subprocess.STDOUT)
         self.addCleanup(process.wait)
         self.addCleanup(process.kill)
         process.log = log
         return process
 
-    def start_nodelet(self, *remappings, preexec_fn=None, **parameters):
+    def start_nodelet(self, *remappings, **parameters):
         """(manager, what loaded the nodelet), once it listens."""
         self.set_parameters(patiently(parameters))
         self.wait_for(lambda: not any(p.get_num_connections() for p in self.publishers.values()))
         nodelet = find_node("nodelet", "nodelet")[0]
-        manager = self.start_process(nodelet, "manager", "__name:=" + MANAGER, preexec_fn=preexec_fn)
+        manager = self.start_process(nodelet, "manager", "__name:=" + MANAGER)
         loader = self.start_process(nodelet, "load", "vi_ekf_slam/SlamNodelet", MANAGER, "__name:=" + self.name, *remappings)
         self.wait_for(lambda: all(p.get_num_connections() > 0 for p in self.publishers.values()))
         return manager, loader
@@ -117,8 +117,8 @@ class NodeletTest(NodeRunner):
 
     def test_a_fault_ends_the_nodelet_and_nothing_else(self):
         """Said in log and diagnostics; what loaded it ends too, so that roslaunch can start it again."""
-        manager, loader = self.start_nodelet(preexec_fn=bound_files, output_dir=self.results(), autosave_period=0)
-        self.reckon_until(lambda: loader.poll() is not None)
+        manager, loader = self.start_nodelet(output_dir=self.results(), autosave_period=0, resume=True)
+        self.fail_at_a_reset(manager, lambda: loader.poll() is not None)
         self.assertIn("the computing has ended", self.log(manager))
         self.assertIn("the nodelet ends", self.log(manager))
         self.check_failure_is_reported()
@@ -129,12 +129,12 @@ class NodeletTest(NodeRunner):
 
     def test_a_fault_ends_a_standalone_nodelet(self):
         """The process with it, as loudly."""
-        self.set_parameters(patiently({"output_dir": self.results(), "autosave_period": 0}))
+        self.set_parameters(patiently({"output_dir": self.results(), "autosave_period": 0, "resume": True}))
         self.wait_for(lambda: not any(p.get_num_connections() for p in self.publishers.values()))
         alone = self.start_process(find_node("nodelet", "nodelet")[0], "standalone", "vi_ekf_slam/SlamNodelet",
-                                   "__name:=" + self.name, preexec_fn=bound_files)
+                                   "__name:=" + self.name)
         self.wait_for(lambda: all(p.get_num_connections() > 0 for p in self.publishers.values()))
-        self.reckon_until(lambda: alone.poll() is not None)
+        self.fail_at_a_reset(alone, lambda: alone.poll() is not None)
         self.assertIn("the computing has ended", self.log(alone))
         self.assertIn("the nodelet ends", self.log(alone))
         self.check_failure_is_reported()

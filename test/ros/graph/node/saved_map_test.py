@@ -184,6 +184,44 @@ class SavedMap(NodeRunner):
         self.assertTrue(self.stamps("second", "before_reset_1", "trajectory.tum"))
         self.assertGreater(self.stamps("second", "trajectory.tum")[0], start + 9.0)
 
+    def landmarks(self, *name):
+        """Number of those in a saved map."""
+        with rosbag.Bag(os.path.join(self.output, *name)) as bag:
+            return bag.get_message_count("landmarks")
+
+    def test_a_reset_looks_for_the_map_of_before_where_it_resumes(self):
+        """And keeps it on the disk too, where the new one takes its place."""
+        self.start_node(output_dir=self.output, autosave_period=0.5, resume=True)
+        self.play(0.0, 8.0)
+        self.answered(START + 7.7)
+        self.wait_for_report(DiagnosticStatus.OK, ALONE)
+        start = START + 500.0
+        self.play(6.0, 6.2, start)  # too few frames to be found by them
+        self.answered(start + 6.1)
+        self.wait_for_report(DiagnosticStatus.WARN, WAITING)
+        self.wait_for(lambda: os.path.exists(os.path.join(self.output, "before_reset_1", "map.bag")))
+        self.assertGreater(self.landmarks("before_reset_1", "map.bag"), 30)
+        self.play(6.3, 9.0, start)
+        self.answered(start + 8.7)
+        self.wait_for_report(DiagnosticStatus.OK, RELOCALISED)
+        self.assertLess(self.errors(self.odometry, start)[-1], 0.5)
+
+    def test_a_reset_keeps_the_map_that_was_asked_for(self):
+        """Beside the poses of before; it is not looked for, and the next one is saved at the end."""
+        node = self.start_node(output_dir=self.output, autosave_period=0)
+        self.play(0.0, 6.0)
+        self.answered(START + 5.7)
+        answer = self.call("save_map")
+        self.assertTrue(answer.success, answer.message)
+        saved = self.landmarks("map.bag")
+        self.play(0.0, 1.0, START - 500.0)
+        self.wait_for(lambda: self.odometry[-1].header.stamp.to_sec() < START)
+        self.wait_for_report(DiagnosticStatus.OK, ALONE)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
+        self.assertGreaterEqual(self.landmarks("before_reset_1", "map.bag"), saved)
+        self.assertLess(self.landmarks("map.bag"), saved)
+
     def test_a_second_session_finds_its_place_by_looks_alone(self):
         """Its tracks have ids that say nothing; features look like the landmarks of the map."""
         def look(message):

@@ -102,6 +102,9 @@ class ServicesTest(NodeRunner):
         self.start_node()
         set_pose = self.service("set_pose", SetPose)
         self.assertIn("no imu message", set_pose(told(0.0, 0.0, 0.0)).message)
+        self.publishers["imu"].publish(drive_data.imu(rospy.Time.from_sec(START)))
+        self.wait_for(lambda: "no imu message" not in set_pose(told(0.0, 0.0, 0.0)).message)
+        self.assertIn("not started: no measurement", set_pose(told(0.0, 0.0, 0.0)).message)
         self.play(0.0, 2.0)
         self.answered(START + 1.7)
         for wrong, part in ((told(1.0, 2.0, 3.0, frame="odom"), "'odom', allowed: the map's frame 'map'"),

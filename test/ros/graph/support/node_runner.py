@@ -29,6 +29,14 @@ def bound_files():
     resource.setrlimit(resource.RLIMIT_FSIZE, (LITTLE_ROOM, LITTLE_ROOM))
 
 
+def leave_no_memory(process):
+    """It cannot make another thread from now on: a fault in what computes, where that resumes and a reset comes."""
+    with open("/proc/%d/status" % process.pid, encoding="ascii", errors="replace") as file:
+        size = next(int(line.split()[1]) for line in file if line.startswith("VmSize:"))
+    limit = 1024 * size + 2 ** 20  # bytes: enough for what is saved at the end, less than a thread's stack
+    resource.prlimit(process.pid, resource.RLIMIT_AS, (limit, limit))
+
+
 def patiently(parameters):
     """They, and what they do not say of PATIENT."""
     return dict(parameters, **{section: dict(values, **parameters.get(section, {})) for section, values in PATIENT.items()})
@@ -99,12 +107,18 @@ class NodeRunner(unittest.TestCase):
                 self.publishers[topic].publish(message)
                 time.sleep(0.02 if topic == "features" else 0.0)
 
-    def reckon_until(self, condition):
+    def reckon_until(self, condition, start=START):
         """Publishes a drive without features, whose 900 poses are too many for bound_files, until `condition()`."""
-        for topic, message in drive_data.drive(90.0, calibrated=False):
+        for topic, message in drive_data.drive(90.0, start, calibrated=False):
             if condition():
                 break
             if topic in ("imu", "velocity"):
                 self.publishers[topic].publish(message)
                 time.sleep(0.001)
         self.wait_for(condition)
+
+    def fail_at_a_reset(self, process, has_ended):
+        """After 30 s of the drive, by leave_no_memory; the node resumes in it."""
+        self.reckon_until(lambda: self.odometry and self.odometry[-1].header.stamp.to_sec() >= START + 30.0)
+        leave_no_memory(process)
+        self.reckon_until(has_ended, START + 500.0)
