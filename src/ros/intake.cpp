@@ -52,11 +52,15 @@ std::string Intake::topicsOf(Stream stream) const {
 bool Intake::isRequired(Stream stream) const {
   if (topicsOf(stream).empty()) return false;
   if (stream == Stream::kStereo) return system_.needsRig();
-  const auto came = [this](Stream s) { return counts_.received[index(s)] > 0; };
   const bool is_twist = system_.motion() != MotionChoice::kInertial;
-  const bool is_camera_alone =
-      is_twist && came(Stream::kStereo) && !came(Stream::kImu) && !came(Stream::kVelocity);
-  return !is_camera_alone && (is_twist || stream == Stream::kImu);
+  return !isCameraAlone() && (is_twist || stream == Stream::kImu);
+}
+
+/// By what has come up to now.
+bool Intake::isCameraAlone() const {
+  const auto came = [this](Stream s) { return counts_.received[index(s)] > 0; };
+  return system_.motion() != MotionChoice::kInertial && came(Stream::kStereo) && !came(Stream::kImu) &&
+         !came(Stream::kVelocity);
 }
 
 std::string Intake::missingInputs() const {
@@ -75,6 +79,32 @@ void Intake::learnImuFrame(const std::string& frame_id) {
   velocities_.setImuFrame(imu_frame_);
   release(false); // what came before this message
   offerRig();
+}
+
+void Intake::takeCameraForBody() {
+  if (!imu_frame_.empty() || rig_.leftFrame().empty() || !system_.needsRig() || !isCameraAlone()) return;
+  problems_.report("imu: none", "no message on " + topics_.imu + ": what moves is the left camera, '" +
+                                    rig_.leftFrame() + "'; ros/imu_frame may name another frame");
+  camera_is_body_ = true;
+  learnImuFrame(rig_.leftFrame());
+}
+
+/// In place of the camera, since an IMU's driver may start late; no, as long as nothing connects the two.
+bool Intake::takeImuForBody(const std::string& imu_frame) {
+  rig_.setImuFrame(imu_frame);
+  if (!rig_.rig()) {
+    problems_.report("imu: " + imu_frame,
+                     "imu messages in '" + imu_frame + "' are not used: " + rig_.problem());
+    rig_.setImuFrame(imu_frame_);
+    return false;
+  }
+  system_.flush(); // what came before is of the camera
+  system_.setRig(*rig_.rig());
+  system_.reset("an IMU has come, and takes the left camera's place as what moves");
+  imu_frame_ = imu_frame;
+  velocities_.setImuFrame(imu_frame_);
+  camera_is_body_ = false;
+  return true;
 }
 
 void Intake::turnAway(const char* input, Rejection rejection) {
@@ -120,11 +150,14 @@ void Intake::release(bool at_once) {
   }
 }
 
-void Intake::flush() { release(true); }
+void Intake::flush() {
+  takeCameraForBody();
+  release(true);
+}
 
 void Intake::add(const sensor_msgs::Imu& message) {
   ++counts_.received[index(Stream::kImu)];
-  auto converted = conversions::toImu(message, imu_frame_);
+  auto converted = conversions::toImu(message, camera_is_body_ ? std::string() : imu_frame_);
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
       problems_.report("imu: " + message.header.frame_id,
@@ -134,6 +167,8 @@ void Intake::add(const sensor_msgs::Imu& message) {
                                                      "', which ros/imu_frame or the first imu message said"));
     return turnAway("imu", converted.rejection);
   }
+  if (camera_is_body_ && !takeImuForBody(conversions::frameName(message.header.frame_id)))
+    return turnAway("imu", Rejection::kWrongFrame);
   learnImuFrame(message.header.frame_id); // of the first one that can be used
   hand({std::move(*converted.sample), {}});
 }
@@ -179,6 +214,9 @@ void Intake::add(const StereoFeatureArray& message) {
   if (feature_limit_ < max_features_) {
     counts_.shed_features += screenFeatures(*converted.sample, {}, feature_limit_).surplus;
   }
+  if (!first_frame_) first_frame_ = converted.sample->stamp;
+  if (std::abs(secondsBetween(*first_frame_, converted.sample->stamp)) >= system_.config().rig_wait_s)
+    takeCameraForBody();
   hand({std::move(*converted.sample), {}});
 }
 

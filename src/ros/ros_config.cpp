@@ -1,5 +1,6 @@
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
+#include <filesystem>
 #include <set>
 
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
@@ -63,16 +64,19 @@ bool isConfigurationKey(const std::string& name) {
   return keys.count(name) > 0;
 }
 
-FullConfig parseFullConfig(const YAML::Node& document, const std::string& source) {
+FullConfig parseFullConfig(const YAML::Node& document, const std::string& source, const std::string& folder) {
   YamlSection root = YamlSection::root(document, source);
-  return {parseConfig(document, source, {kRosSection, kFrontEndSection}), readRos(root.section(kRosSection)),
-          readFrontEnd(root.section(kFrontEndSection))};
+  return {parseConfig(document, source, {kRosSection, kFrontEndSection}, folder),
+          readRos(root.section(kRosSection)), readFrontEnd(root.section(kFrontEndSection))};
 }
 
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source) {
   return parseFullConfig(parseYaml(yaml, source), source);
 }
 
-FullConfig loadFullConfig(const std::string& path) { return parseFullConfig(readYamlFile(path), path); }
+FullConfig loadFullConfig(const std::string& path) {
+  return parseFullConfig(parseYaml(readYamlFile(path), path), path,
+                         std::filesystem::path(path).parent_path().string());
+}
 
 } // namespace vi_ekf_slam

@@ -171,6 +171,13 @@ std::string startsSummary(const std::vector<SeedResult>& results) {
   std::string text = format("not started at all           %.0f %%, not within %.0f s %.0f %%\n",
                             100.0 * (1.0 - static_cast<double>(delay.count) / n), kSoon,
                             100.0 * (1.0 - static_cast<double>(soon) / n));
+  const auto anew = std::count_if(results.begin(), results.end(),
+                                  [](const SeedResult& result) { return result.inertial->begun_anew; });
+  if (anew > 0)
+    text += format(
+        "begun anew                   %lld of %zu seeds, since IMU and pictures contradict each other; "
+        "they count up to there\n",
+        static_cast<long long>(anew), results.size());
   text += format("start delay                  %.2f s, at most %.2f s\n", delay.mean, delay.most);
   text +=
       format("first estimate's mean NEES   pose %.2f, tilt %.2f (2 expected), velocity %.2f (3 expected)\n",
@@ -215,8 +222,13 @@ std::string rigCsv(const std::vector<SeedResult>& results) {
 
 /// RMS over the seeds, and how many are within three standard deviations.
 std::string rigSummary(const std::vector<SeedResult>& results) {
-  std::string text =
-      "the rig that it was told: RMS error before, after, stated sigma, seeds within 3 sigma\n";
+  const auto judged = std::count_if(results.begin(), results.end(), [](const SeedResult& r) {
+    return !std::isnan(r.inertial->rig.front().before);
+  });
+  std::string text = format(
+      "the rig that it was told, of %lld of %zu seeds (the others have no estimate at the end): "
+      "RMS error before, after, stated sigma, seeds within 3 sigma\n",
+      static_cast<long long>(judged), results.size());
   for (std::size_t i = 0; i < kRigParts.size(); ++i) {
     double before = 0.0, after = 0.0, variance = 0.0, n = 0.0, within = 0.0;
     for (const SeedResult& r : results) {

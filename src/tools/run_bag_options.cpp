@@ -9,7 +9,8 @@ const char* const kRunBagHelp =
        run_bag --check [IN.bag] [--output DIR] [--config FILE] [--load-map FILE] [--initial-state FILE]
 
 Runs the estimator over a bag without a ROS master, as fast as it can, and writes what it finds into DIR (made if
-needed): trajectory.tum, dead_reckoning.tum, covariance.csv, frames.csv, landmarks.csv, summary.yaml.
+needed): trajectory.tum, dead_reckoning.tum, covariance.csv, trajectory_smoothed.tum and covariance_smoothed.csv (as it
+is known at the end), frames.csv, landmarks.csv, summary.yaml.
 
   --output DIR         where the results go; files of the same names are replaced
   --config FILE        configuration, the same YAML file that the node takes; without it that of config/default.yaml,

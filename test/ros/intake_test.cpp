@@ -8,27 +8,32 @@
 namespace vi_ekf_slam {
 namespace {
 
+ros::Time secondsOn(double t) { return ros::Time(100.0 + t); }
+
+/// 40 features that stay where they are, with this disparity and this difference of rows, px.
+StereoFeatureArray featuresAt(double t, double disparity, double rows = 0.0) {
+  StereoFeatureArray message;
+  message.header.frame_id = "left_camera_optical";
+  message.header.stamp = secondsOn(t);
+  for (unsigned i = 0; i < 40; ++i) {
+    StereoFeature feature;
+    feature.id = i;
+    feature.u_left = static_cast<float>(100.0 + 10.0 * i);
+    feature.v_left = static_cast<float>(150.0 + 40.0 * (i % 4));
+    feature.u_right = static_cast<float>(feature.u_left - disparity);
+    feature.v_right = static_cast<float>(feature.v_left - rows);
+    message.features.push_back(feature);
+  }
+  return message;
+}
+
 /// What the intake says of 20 frames of 40 features with this disparity and this difference of rows, px.
 std::vector<std::string> saidOf(double disparity, double rows) {
   SlamSystem system{Config()};
   Intake intake(system, {}, {});
   std::vector<std::string> said;
   intake.onProblem([&said](const std::string& text) { said.push_back(text); });
-  for (unsigned k = 0; k < 20; ++k) {
-    StereoFeatureArray message;
-    message.header.frame_id = "left_camera_optical";
-    message.header.stamp = ros::Time(100, 50000000U * k % 1000000000U);
-    for (unsigned i = 0; i < 40; ++i) {
-      StereoFeature feature;
-      feature.id = i;
-      feature.u_left = static_cast<float>(100.0 + 10.0 * i);
-      feature.v_left = 200.0F;
-      feature.u_right = static_cast<float>(feature.u_left - disparity);
-      feature.v_right = static_cast<float>(feature.v_left - rows);
-      message.features.push_back(feature);
-    }
-    intake.add(message);
-  }
+  for (int k = 0; k < 20; ++k) intake.add(featuresAt(0.05 * k, disparity, rows));
   EXPECT_EQ(said.empty(), intake.stereoCheck().problem().empty());
   return said;
 }
@@ -61,6 +66,114 @@ std::string missingWith(const std::string& velocity, const std::string& wheel_od
   intake.add(imu);
   intake.add(features);
   return intake.missingInputs();
+}
+
+/// A camera at rest, of 10 Hz and without an IMU up to now.
+class CameraAlone : public testing::Test {
+ protected:
+  CameraAlone() {
+    system_.onReset([this](const std::string& reason, const PathEstimate&) { resets_.push_back(reason); });
+    intake_.onProblem([this](const std::string& text) { said_.push_back(text); });
+    sensor_msgs::CameraInfo info;
+    info.header.frame_id = "left_camera_optical";
+    info.P = {500.0, 0.0, 300.0, 0.0, 0.0, 500.0, 200.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+    intake_.addLeftInfo(info);
+    info.P[3] = -250.0;
+    intake_.addRightInfo(info);
+  }
+
+  void addFrames(double begin, double end) {
+    for (double t = begin; t < end; t += 0.1) intake_.add(featuresAt(t, 20.0));
+  }
+  /// An IMU at rest with the axes of the camera's mounting: z up.
+  void addImu(double begin, double end, bool accelerates) {
+    sensor_msgs::Imu imu;
+    imu.header.frame_id = "imu_link";
+    imu.linear_acceleration.z = accelerates ? 9.81 : 0.0;
+    for (double t = begin; t < end; t += 0.005) {
+      imu.header.stamp = secondsOn(t);
+      intake_.add(imu);
+    }
+  }
+  void connect() {
+    geometry_msgs::TransformStamped t;
+    t.header.frame_id = "imu_link";
+    t.child_frame_id = "left_camera_optical";
+    t.transform.rotation.x = t.transform.rotation.z = -0.5;
+    t.transform.rotation.y = t.transform.rotation.w = 0.5;
+    tf2_msgs::TFMessage message;
+    message.transforms.push_back(t);
+    intake_.addTransforms(message, true);
+  }
+
+  SlamSystem system_{Config()};
+  Intake intake_{system_, {}, {}};
+  std::vector<std::string> resets_, said_;
+};
+
+TEST_F(CameraAlone, IsTheBodyByItself) {
+  addFrames(0.0, 4.0);
+  EXPECT_EQ("left_camera_optical", intake_.imuFrame());
+  EXPECT_EQ("", intake_.missingInputs());
+  ASSERT_EQ(1U, said_.size());
+  EXPECT_EQ(
+      "no message on imu: what moves is the left camera, 'left_camera_optical'; ros/imu_frame may name "
+      "another "
+      "frame",
+      said_[0]);
+  intake_.flush();
+  system_.flush();
+  EXPECT_EQ(0U, system_.counts().frames_without_rig) << "the first frames wait for it";
+  EXPECT_GT(system_.counts().features_used, 1000U);
+}
+
+TEST_F(CameraAlone, IsTheBodyOfARecordingThatEndsWhileItWaits) {
+  addFrames(0.0, 1.0);
+  EXPECT_EQ("", intake_.imuFrame());
+  intake_.flush();
+  system_.flush();
+  EXPECT_EQ("left_camera_optical", intake_.imuFrame());
+  EXPECT_EQ(0U, system_.counts().frames_without_rig);
+  EXPECT_GT(system_.counts().features_used, 200U);
+}
+
+TEST_F(CameraAlone, MakesWayForAnImuThatComesLate) {
+  addFrames(0.0, 3.0);
+  addImu(3.0, 3.1, true);
+  EXPECT_EQ("left_camera_optical", intake_.imuFrame()) << "nothing says where the camera is on the IMU";
+  EXPECT_TRUE(resets_.empty());
+  ASSERT_EQ(2U, said_.size());
+  EXPECT_NE(std::string::npos, said_[1].find("no transform from 'imu_link' to 'left_camera_optical'"))
+      << said_[1];
+  connect();
+  for (double t = 3.1; t < 6.0; t += 0.1) {
+    addImu(t, t + 0.1, true);
+    addFrames(t + 0.1, t + 0.15);
+  }
+  EXPECT_EQ("imu_link", intake_.imuFrame());
+  EXPECT_EQ(MotionChoice::kInertial, system_.motion());
+  ASSERT_FALSE(resets_.empty());
+  EXPECT_EQ("an IMU has come, and takes the left camera's place as what moves", resets_[0]);
+  EXPECT_TRUE(system_.estimator().hasStarted()) << system_.estimator().startProblem();
+}
+
+TEST_F(CameraAlone, MakesWayForAGyroThatComesLate) {
+  addFrames(0.0, 3.0);
+  connect();
+  addImu(3.0, 3.1, false);
+  EXPECT_EQ("imu_link", intake_.imuFrame());
+  EXPECT_EQ(1U, resets_.size());
+  EXPECT_TRUE(system_.estimator().state().world_T_imu.rotation().isIdentity(1e-3)) << "not that of a camera";
+}
+
+TEST_F(CameraAlone, IsNoneWithAVelocity) {
+  geometry_msgs::TwistWithCovarianceStamped velocity;
+  velocity.header.frame_id = "base_link";
+  velocity.header.stamp = secondsOn(0.0);
+  intake_.add(velocity);
+  addFrames(0.0, 4.0);
+  EXPECT_EQ("", intake_.imuFrame());
+  EXPECT_EQ("imu", intake_.missingInputs());
 }
 
 TEST(Intake, MissesAVelocityUnlessToldThatThereIsNone) {

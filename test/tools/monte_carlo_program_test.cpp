@@ -178,5 +178,15 @@ TEST(MonteCarloReport, WhatNeverStartedIsCountedAndLeftOutOfTheMeans) {
   EXPECT_EQ(monteCarloSummary({driveOf(6.0)}).find("start delay"), std::string::npos);
 }
 
+TEST(MonteCarloReport, SaysOfHowManySeedsTheRigIs) {
+  SeedResult whole = startAfter(0.5, 6.0), anew = startAfter(0.5, 6.0);
+  whole.inertial->rig.fill({0.1, 0.01, 0.02});
+  anew.inertial->begun_anew = true;
+  const std::string text = monteCarloSummary({whole, anew, anew});
+  EXPECT_NE(text.find("begun anew                   2 of 3 seeds"), std::string::npos) << text;
+  EXPECT_NE(text.find("the rig that it was told, of 1 of 3 seeds"), std::string::npos) << text;
+  EXPECT_EQ(monteCarloSummary({whole}).find("begun anew"), std::string::npos);
+}
+
 } // namespace
 } // namespace vi_ekf_slam

@@ -5,6 +5,7 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -33,9 +34,10 @@ struct InputTopics {
 /// The one path from messages into SlamSystem, for the node and run_bag alike: converts, checks, counts what
 /// it turns away, and hands over the calibration as soon as it is complete.
 ///
-/// The IMU's messages say what the IMU's frame is. A velocity may be of any frame of the vehicle; the first
-/// one waits for the transform that carries it to the IMU, and all that comes after it, for as long as
-/// measurements wait for the calibration.
+/// The IMU's messages say what the IMU's frame is. Where neither they nor velocities come for as long as the
+/// calibration is waited for, what moves is the left camera, until an IMU comes. A velocity may be of any
+/// frame of the vehicle; the first one waits for the transform that carries it to the IMU, and all that comes
+/// after it, for as long as measurements wait for the calibration.
 class Intake {
  public:
   /// `system` must outlive this.
@@ -66,7 +68,7 @@ class Intake {
   /// Whether features are those of a rectified pair.
   const StereoCheck& stereoCheck() const { return stereo_check_; }
   const RigAssembler& rigAssembler() const { return rig_; }
-  /// Empty until the first IMU message said it, unless configured.
+  /// Of what moves. Empty until the first IMU message said it, or a camera is alone, unless configured.
   const std::string& imuFrame() const { return imu_frame_; }
   /// Messages of the three measurement streams, used or not.
   std::uint64_t received() const;
@@ -101,6 +103,9 @@ class Intake {
   bool hasWaited(const Arrival& arrival) const;
   void addVelocity(conversions::Converted<VelocitySample> converted, const std::string& frame_id);
   void learnImuFrame(const std::string& frame_id);
+  bool isCameraAlone() const;
+  void takeCameraForBody();
+  bool takeImuForBody(const std::string& imu_frame);
   void turnAway(const char* input, conversions::Rejection rejection);
   void turnAway(const char* reason, std::size_t count);
   void offerRig();
@@ -108,6 +113,8 @@ class Intake {
   SlamSystem& system_;
   InputTopics topics_;
   std::string imu_frame_;
+  bool camera_is_body_ = false; ///< since nothing else came
+  std::optional<Stamp> first_frame_;
   FrameTree frames_;
   RigAssembler rig_;
   VelocityFrames velocities_;

@@ -59,10 +59,11 @@ struct FullConfig {
 bool isConfigurationKey(const std::string& name);
 /// All of one YAML document, the sections `ros:` and `front_end:` as strictly as parseConfig reads the
 /// others. Throws ConfigError.
-FullConfig parseFullConfig(const YAML::Node& document, const std::string& source);
+FullConfig parseFullConfig(const YAML::Node& document, const std::string& source,
+                           const std::string& folder = {});
 /// All of one YAML text. Throws ConfigError.
 FullConfig parseFullConfig(const std::string& yaml, const std::string& source);
-/// All of one YAML file. Throws ConfigError.
+/// All of one YAML file; what it names is beside it. Throws ConfigError.
 FullConfig loadFullConfig(const std::string& path);
 
 } // namespace vi_ekf_slam

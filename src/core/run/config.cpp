@@ -58,14 +58,22 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
   section.finish();
 }
 
-/// A file that a configuration names: beside it, where that is a file.
-std::string pathBeside(const std::string& source, const std::string& named) {
-  const std::filesystem::path file(named), beside(source);
-  const bool is_beside = file.is_relative() && std::filesystem::is_regular_file(beside);
-  return is_beside ? (beside.parent_path() / file).string() : named;
+/// A file that a configuration names.
+std::string pathIn(const std::filesystem::path& folder, const std::string& named) {
+  return named.empty() ? named : (folder / named).string();
 }
 
-void readInertial(YamlSection section, const std::string& source, Inertial::Options& inertial) {
+/// Of such a file; what is wrong with it is said together with the key that names it.
+template <typename Read>
+auto readNamed(const YamlSection& section, const std::string& key, const std::string& path, Read read) {
+  try {
+    return read(path);
+  } catch (const ConfigError& e) {
+    throw ConfigError(section.nameOf(key) + ": " + e.what());
+  }
+}
+
+void readInertial(YamlSection section, const std::string& folder, Inertial::Options& inertial) {
   std::string calibration;
   section.read("imu_calibration", calibration);
   Eigen::VectorXd noise(4), bias(2);
@@ -81,12 +89,12 @@ void readInertial(YamlSection section, const std::string& source, Inertial::Opti
   inertial.gyro_bias_sigma = bias[0];
   inertial.accelerometer_bias_sigma = bias[1];
   if (calibration.empty()) return;
-  inertial.noise_file = pathBeside(source, calibration);
-  n = readImuCalibration(inertial.noise_file);
+  inertial.noise_file = pathIn(folder, calibration);
+  n = readNamed(section, "imu_calibration", inertial.noise_file, readImuCalibration);
   inertial.noise_given = true;
 }
 
-void readCalibration(YamlSection section, const std::string& source, RigVariables::Options& rig) {
+void readCalibration(YamlSection section, const std::string& folder, RigVariables::Options& rig) {
   std::string file;
   double rotation = rig.rotation_sigma[0], translation = rig.translation_sigma[0];
   section.read("file", file);
@@ -99,7 +107,7 @@ void readCalibration(YamlSection section, const std::string& source, RigVariable
   rig.rotation_sigma.setConstant(rotation);
   rig.translation_sigma.setConstant(translation);
   if (file.empty()) return;
-  const RigEstimate known = readRigCalibration(pathBeside(source, file));
+  const RigEstimate known = readNamed(section, "file", pathIn(folder, file), readRigCalibration);
   rig.known = {known.rig.cam_T_imu, known.rig.camera.baseline};
   rig.time_offset = known.time_offset;
   // What is to be estimated goes on from there.
@@ -139,7 +147,7 @@ void readStudies(YamlSection section, InvariantConfig& invariant) {
 } // namespace
 
 Config parseConfig(const YAML::Node& document, const std::string& source,
-                   const std::vector<std::string>& other_sections) {
+                   const std::vector<std::string>& other_sections, const std::string& folder) {
   Config config;
   YamlSection root = YamlSection::root(document, source);
   root.readChoice<EstimatorType>("estimator",
@@ -152,10 +160,10 @@ Config parseConfig(const YAML::Node& document, const std::string& source,
                                  {"inertial", MotionChoice::kInertial}},
                                 config.invariant.choice);
   readInvariant(root.section("invariant"), config.invariant);
-  readInertial(root.section("inertial"), source, config.invariant.inertial);
+  readInertial(root.section("inertial"), folder, config.invariant.inertial);
   config.invariant.inertial.velocity_sigma = config.invariant.motion.prior_twist_sigma[0];
   config.invariant.inertial.measured_velocity_sigma = config.invariant.motion.velocity_sigma;
-  readCalibration(root.section("calibration"), source, config.invariant.rig);
+  readCalibration(root.section("calibration"), folder, config.invariant.rig);
   readMap(root.section("map"), config.invariant);
   readPaper(root.section("paper"), config.paper);
   readStudies(root.section("studies"), config.invariant);
@@ -170,7 +178,8 @@ Config parseConfig(const std::string& yaml, const std::string& source,
 }
 
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
-  return parseConfig(readYamlFile(path), path, other_sections);
+  return parseConfig(parseYaml(readYamlFile(path), path), path, other_sections,
+                     std::filesystem::path(path).parent_path().string());
 }
 
 } // namespace vi_ekf_slam

@@ -216,8 +216,14 @@ void YamlSection::finish() const {
   for (const std::string& key : known_) known += (known.empty() ? "" : ", ") + key;
   for (const auto& entry : node_) {
     const std::string& key = entry.first.Scalar();
-    if (known_.count(key) == 0)
-      throw ConfigError(source_ + ": " + path_ + key + ": unknown key; known are " + known);
+    if (known_.count(key) > 0) continue;
+    const std::size_t at = key.find_first_of("./"); // as documentation and messages name a key of a section
+    const std::string section = key.substr(0, at);
+    throw ConfigError(nameOf(key) + ": unknown key; " +
+                      (known_.count(section) == 0
+                           ? "known are " + known
+                           : "the key " + key.substr(at + 1) + " of the section " + section + " is written " +
+                                 section + ": {" + key.substr(at + 1) + ": ...}"));
   }
 }
 

@@ -96,6 +96,7 @@ RigAssembler::RigAssembler(const FrameTree& frames, std::string left_topic, std:
 
 void RigAssembler::setImuFrame(const std::string& imu_frame) {
   imu_frame_ = imu_frame;
+  rig_.reset();
   update();
 }
 
@@ -131,10 +132,13 @@ std::optional<ImageSize> RigAssembler::imageSize() const {
 }
 
 std::string RigAssembler::transformProblem(SE3& cam_T_imu) const {
-  if (imu_frame_.empty()) return "the IMU's frame is not known yet (no IMU message)";
+  if (imu_frame_.empty())
+    return "the IMU's frame is not known yet (no IMU message; ros/imu_frame names it where there is none)";
   if (left_frame_.empty()) return "frame_id of " + left_topic_ + " is empty";
   const auto found = frames_.find(left_frame_, imu_frame_);
-  if (!found) return "no transform from '" + imu_frame_ + "' to '" + left_frame_ + "' on /tf_static";
+  if (!found)
+    return "no transform from '" + imu_frame_ + "' to '" + left_frame_ +
+           "' on /tf_static (a calibration file's: import_calibration.py --imu-frame " + imu_frame_ + ")";
   cam_T_imu = SE3(rectification(*left_), Eigen::Vector3d::Zero()) * *found;
   if (cam_T_imu.translation().norm() <= kMaxLeverArm && cam_T_imu.rotation().allFinite()) return {};
   return "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "' is not one of at most 10 km";

@@ -4,7 +4,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <set>
-#include <utility>
 
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
@@ -24,21 +23,6 @@ namespace {
 
 /// Of slam.launch: the file that the configuration among the parameters is from.
 constexpr const char* kConfigFile = "config_file";
-
-/// A file that a configuration names is beside it, which the parameters do not know any more.
-void nameFilesBeside(const std::string& config_file, YAML::Node& configuration) {
-  const std::filesystem::path folder = std::filesystem::path(config_file).parent_path();
-  constexpr std::pair<const char*, const char*> kFileKeys[] = {{"inertial", "imu_calibration"},
-                                                               {"calibration", "file"}};
-  const YAML::Node& known = configuration; // constant: to look for a key does not insert it
-  for (const auto& [name, key] : kFileKeys) {
-    const YAML::Node section = known[name];
-    if (!section || !section.IsMap()) continue;
-    const YAML::Node file = section[key];
-    if (file && file.IsScalar() && !file.Scalar().empty())
-      configuration[name][key] = (folder / file.Scalar()).string();
-  }
-}
 
 /// Parameters that others keep below our name (a launch file's, a nodelet manager's) are no reason not to
 /// start; a misspelled one of ours is seen.
@@ -68,11 +52,11 @@ FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<s
     not_configuration.erase(kConfigFile);
     warnOfForeign(private_nh, not_configuration, known);
   }
-  if (std::string file; private_nh.getParam(kConfigFile, file)) {
-    file.erase(file.find_last_not_of(" \n") + 1); // a command's output
-    nameFilesBeside(file, configuration);
-  }
-  return parseFullConfig(configuration, "parameters of " + private_nh.getNamespace());
+  std::string file;
+  private_nh.getParam(kConfigFile, file);
+  file.erase(file.find_last_not_of(" \n") + 1); // a command's output
+  return parseFullConfig(configuration, "parameters of " + private_nh.getNamespace(),
+                         std::filesystem::path(file).parent_path().string());
 }
 
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {

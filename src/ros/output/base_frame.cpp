@@ -24,8 +24,12 @@ Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
 } // namespace
 
 bool BaseFrame::update(const std::string& imu_frame, const std::optional<SE3>& start) {
-  if (!name_.empty()) return true;
+  if (!name_.empty() && imu_frame == imu_frame_ && start.has_value() == has_start_) return true;
   imu_frame_ = imu_frame;
+  has_start_ = start.has_value();
+  name_.clear();
+  base_T_imu_.reset();
+  map_T_world_ = SE3();
   if (imu_frame.empty()) return false;
   const std::string& base = config_.base_frame.empty() ? imu_frame : config_.base_frame;
   if (base != imu_frame) {
@@ -46,8 +50,8 @@ std::string BaseFrame::problem() const {
            "' to the IMU's frame '" + imu_frame_ + "'; publish it on /tf_static, as a robot description does";
   const bool sends_base = config_.publish_tf && (config_.publish_odom_tf || config_.single_tf);
   if (!sends_base || !hasForeignParent()) return {};
-  const std::string what =
-      "no transform is published, since somebody else publishes '" + foreign_parent_ + "' -> '" + name_ + "': ";
+  const std::string what = "no transform is published, since somebody else publishes '" + foreign_parent_ +
+                           "' -> '" + name_ + "': ";
   return what + (foreign_parent_ == config_.odom_frame
                      ? "set ros/publish_odom_tf to false, if that is another odometry"
                      : "set ros/base_frame to the root of the robot's frames, since a frame has one parent");

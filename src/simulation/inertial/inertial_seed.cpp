@@ -31,6 +31,7 @@ class InertialSeed {
   SeedResult run() {
     system_.setRig(rig_.told());
     system_.onFrame([this](const Output& output) { compare(output); });
+    system_.onReset([this](const std::string& /*reason*/, const PathEstimate& path) { end(path); });
     if (study_.start == StudyStart::kGiven)
       system_.begin(drawnStart(*simulator_.state(), simulator_.options().seed));
     StaleRepair stale;
@@ -44,7 +45,7 @@ class InertialSeed {
     }
     system_.flush();
     result_.yaw_fall = yaw_.largestFall();
-    judgePath(system_.estimator().exactMap()().path, result_);
+    if (!result_.inertial->begun_anew) judgePath(system_.estimator().exactMap()().path, result_);
     if (!study_.disturbance.isNone()) {
       if (const auto estimate = system_.estimator().rig()) result_.inertial->rig = rig_.judge(*estimate);
     }
@@ -57,7 +58,14 @@ class InertialSeed {
     return time >= study_.blind_from && time < study_.blind_from + study_.blind_for;
   }
 
+  /// What comes after a reset is in another map.
+  void end(const PathEstimate& path) {
+    if (!result_.inertial->begun_anew) judgePath(path, result_);
+    result_.inertial->begun_anew = true;
+  }
+
   void compare(const Output& output) {
+    if (result_.inertial->begun_anew) return;
     const StateEstimate& state = output.state;
     // Of a stamp that an estimated offset has moved.
     const TrueState truth = *simulator_.stateAt(state.stamp);

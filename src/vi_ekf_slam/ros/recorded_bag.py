@@ -35,7 +35,7 @@ class RecordedBag:
     transport: how the images come of which the front end makes features; None: features are played. gyro_wait_s: s of sensor
     time for which the front end then waits for a gyro.
     inputs: {topic: class of its messages, or None where only a plugin knows it}. played: topics to be played. end: time
-    at which that part ends. goal: header stamp of the last features (or left image), or None; without frames nothing says
+    at which that part ends, after duration (s). goal: header stamp of the last features (or left image), or None; without frames nothing says
     that the node is done: it may hold the last samples back for what could be late.
     """
 
@@ -80,13 +80,15 @@ class RecordedBag:
         if begin > last:
             raise PlayError("~start is %g s; %s has %g s" % (start, self.path, last - first))
         self.end = rospy.Time.from_sec(min(begin + duration, last) if duration else last)
-        if self.is_from_images and rospy.resolve_name("imu") not in recorders and self.end.to_sec() - begin <= gyro_wait_s:
+        self.duration = self.end.to_sec() - begin
+        if self.is_from_images and rospy.resolve_name("imu") not in recorders and self.duration <= gyro_wait_s:
             raise PlayError("%s: no %s in it, for which the front end waits %g s of sensor time (buffer/max_delay_s) before the "
                             "first pair goes on, and only %.3g s of it are played; run_bag needs not wait"
-                            % (self.path, rospy.resolve_name("imu"), gyro_wait_s, self.end.to_sec() - begin))
+                            % (self.path, rospy.resolve_name("imu"), gyro_wait_s, self.duration))
         self.goal = self._last_stamp(bag, self.frames[0], begin)
+        body = "imu" if rospy.resolve_name("imu") in recorders else "left/camera_info"  # a camera alone
         self.imu_frame = next((message.header.frame_id for _, message, _ in
-                               bag.read_messages([rospy.resolve_name("imu")])), None)
+                               bag.read_messages([rospy.resolve_name(body)])), None)
 
     def _check_kinds(self, bag):
         """The player would wait for ever for a listener to a topic of another type. ROS compares the checksums."""
@@ -122,7 +124,7 @@ class OwnTransforms:
     """Those that slam_node sends itself by its parameters, so that a recorded /tf must not bring them too.
 
     That of the vehicle is one of them whether the earlier run sent it from map or odom, to the base or the IMU.
-    node: its name. imu_frame: of the bag's IMU; counts where the parameters name none.
+    node: its name. imu_frame: of the bag's IMU, or its left camera; counts where the parameters name none.
     """
 
     def __init__(self, node, imu_frame):

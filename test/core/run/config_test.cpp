@@ -27,6 +27,14 @@ TEST(Config, NamesAnUnknownKeyAndTheKnownOnes) {
             {"robot.yaml", "buffer.pixel_noise", "unknown key", "max_delay_s"});
 }
 
+// As documentation and messages name it.
+TEST(Config, SaysHowAKeyOfASectionIsWritten) {
+  for (const std::string text : {"map/keep: none", "map.keep: none"})
+    expectAll(errorIn(text),
+              {"robot.yaml", "unknown key", "the key keep of the section map", "map: {keep: ...}"});
+  expectAll(errorIn("mop/keep: none"), {"mop/keep", "known are buffer"});
+}
+
 // What an older file may still ask for: it is not silently ignored.
 TEST(Config, NamesAKeyThatIsNoMore) {
   for (const std::string key : {"drift_position", "drift_rotation", "manoeuvre_density", "manoeuvre_share",
@@ -67,6 +75,13 @@ TEST(Config, NamesAKeyThatIsNoName) { expectAll(errorIn("? [1, 2]\n: 3"), {"robo
 TEST(Config, NamesAFileThatCannotBeRead) {
   expectAll(errorOf([] { loadConfig("/nowhere/robot.yaml"); }), {"/nowhere/robot.yaml", "cannot be opened"});
   expectAll(errorOf([] { loadConfig(kConfigDir); }), {kConfigDir, "cannot be read"});
+}
+
+TEST(Config, NamesTheKeyOfAFileThatCannotBeRead) {
+  expectAll(errorIn("calibration: {file: none.yaml}"),
+            {"robot.yaml: calibration.file: none.yaml: cannot be opened"});
+  expectAll(errorIn("inertial: {imu_calibration: none.yaml}"),
+            {"robot.yaml: inertial.imu_calibration: none.yaml: cannot be opened"});
 }
 
 TEST(Config, AFileWithoutEndIsNotReadToTheEnd) {

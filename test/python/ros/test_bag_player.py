@@ -5,8 +5,11 @@ import signal
 import subprocess
 import sys
 
+import pytest
+import rospy
+
 from conftest import HANG_S
-from vi_ekf_slam.ros.bag_player import ending_with
+from vi_ekf_slam.ros.bag_player import Player, ending_with
 
 
 def said_by(parent):
@@ -33,3 +36,16 @@ def test_ends_with_its_parent():
         except subprocess.TimeoutExpired:
             os.kill(child, signal.SIGKILL)
             raise
+
+
+@pytest.mark.parametrize("is_held, answered, said", [
+    (True, 0, ["info"]),  # a bag that is shorter than what the node waits for a stream that never comes
+    (True, 3, ["warn"]), (False, 0, ["warn"])])
+def test_only_what_should_have_been_answered_is_a_warning(monkeypatch, is_held, answered, said):
+    heard = []
+    monkeypatch.setattr(rospy, "loginfo", lambda *_: heard.append("info"))
+    monkeypatch.setattr(rospy, "logwarn", lambda *_: heard.append("warn"))
+    player = Player.__new__(Player)
+    player.is_held, player.answered, player.goal = is_held, rospy.Time(answered), rospy.Time(5)
+    player.tell_of_the_end()
+    assert heard == said

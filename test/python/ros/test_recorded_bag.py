@@ -3,7 +3,7 @@
 import pytest
 import rosbag
 import rospy
-from sensor_msgs.msg import CompressedImage, Imu
+from sensor_msgs.msg import CameraInfo, CompressedImage, Imu
 from std_msgs.msg import String
 
 from vi_ekf_slam.ros.recorded_bag import PlayError, RecordedBag
@@ -25,6 +25,12 @@ def pictures(tmp_path):
 def test_pictures_alone_are_played_to_the_front_end(pictures):
     bag = RecordedBag(pictures, "/slam", 0.0, 0.0, "compressed")
     assert bag.played == ["/left/image/compressed", "/right/image/compressed"] and bag.goal == rospy.Time(3)
+    assert bag.duration == 2.0 and bag.imu_frame is None
+    with rosbag.Bag(pictures, "a") as more:
+        info = CameraInfo()
+        info.header.frame_id = "left_camera_optical"
+        more.write("/left/camera_info", info, rospy.Time(3))
+    assert RecordedBag(pictures, "/slam", 0.0, 0.0, "compressed").imu_frame == "left_camera_optical"
 
 
 def test_pictures_of_which_none_would_go_on_are_refused(pictures):

@@ -54,14 +54,14 @@ struct Config {
 
 /// Reads a YAML document and checks every value. Unknown keys are errors, except the top-level
 /// `other_sections`, which belong to somebody else (the node's frames and topics). `source` is the file named
-/// in messages.
+/// in messages; a file that the document names by a relative path is in `folder`.
 Config parseConfig(const YAML::Node& document, const std::string& source,
-                   const std::vector<std::string>& other_sections = {});
+                   const std::vector<std::string>& other_sections = {}, const std::string& folder = {});
 /// parseConfig of a text.
 Config parseConfig(const std::string& yaml, const std::string& source,
                    const std::vector<std::string>& other_sections = {});
 
-/// parseConfig of a file.
+/// parseConfig of a file; what it names is beside it.
 Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections = {});
 
 } // namespace vi_ekf_slam

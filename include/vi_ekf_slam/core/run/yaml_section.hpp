@@ -47,6 +47,8 @@ class YamlSection {
     return root(parseYaml(yaml, source), source);
   }
 
+  /// Of a key, for messages: source, sections and key.
+  std::string nameOf(const std::string& key) const { return source_ + ": " + path_ + key; }
   bool has(const std::string& key) { return static_cast<bool>(find(key)); }
   /// s since the epoch, exact to the nanosecond; required.
   Stamp stamp(const std::string& key);

@@ -32,6 +32,7 @@ class RigAssembler {
   /// `frames` must outlive this. Names of the two CameraInfo topics, for problem().
   RigAssembler(const FrameTree& frames, std::string left_topic, std::string right_topic);
 
+  /// A complete calibration of another frame holds no longer.
   void setImuFrame(const std::string& imu_frame);
   void addLeft(const sensor_msgs::CameraInfo& info);
   void addRight(const sensor_msgs::CameraInfo& info);

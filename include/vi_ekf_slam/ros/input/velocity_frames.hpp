@@ -17,7 +17,10 @@ class VelocityFrames {
   VelocityFrames(const FrameTree& frames, const RosConfig& config)
       : frames_(frames), map_frame_(config.map_frame), odom_frame_(config.odom_frame) {}
 
-  void setImuFrame(const std::string& imu_frame) { imu_frame_ = imu_frame; }
+  void setImuFrame(const std::string& imu_frame) {
+    imu_frame_ = imu_frame;
+    imu_T_frame_.clear();
+  }
 
   /// Whether `sample`, along the axes and of the origin of `frame`, is along the IMU's now.
   bool carry(VelocitySample& sample, const std::string& frame);

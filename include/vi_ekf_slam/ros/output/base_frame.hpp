@@ -21,7 +21,8 @@ class BaseFrame {
   BaseFrame(const FrameTree& frames, const RosConfig& config) : frames_(frames), config_(config) {}
 
   /// Whether the transform between the two is known now; the first one that was holds, and so does `start`,
-  /// the IMU's pose in the world at the start; nothing: the world's z axis points up.
+  /// the IMU's pose in the world at the start; nothing: the world's z axis points up. Another frame, or a
+  /// world that points up from now on, begins anew: an IMU has come late.
   bool update(const std::string& imu_frame, const std::optional<SE3>& start);
   /// Why it is not known, or why no odom -> base may be sent, and what to do; empty: all is well.
   std::string problem() const;
@@ -49,6 +50,7 @@ class BaseFrame {
   const FrameTree& frames_;
   RosConfig config_;
   std::string imu_frame_;
+  bool has_start_ = false;
   std::string name_;
   std::string foreign_parent_;
   std::optional<SE3> base_T_imu_; ///< nothing: the IMU itself, or not known

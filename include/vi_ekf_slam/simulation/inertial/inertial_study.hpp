@@ -11,7 +11,8 @@ enum class StudyStart {
   kSelf,  ///< by itself
 };
 
-/// By how much the rig that the estimator is told differs from the true one, in a direction drawn by the seed.
+/// By how much the rig that the estimator is told differs from the true one, in a direction drawn by the
+/// seed.
 struct RigDisturbance {
   double rotation = 0.0;    ///< rad, of the transform from the IMU to the camera
   double translation = 0.0; ///< m, of the same
@@ -32,6 +33,7 @@ struct InertialStudy {
 struct InertialOutcome {
   static constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
   double start_delay = kNever; ///< s from the first frame to the first one with an estimate
+  bool begun_anew = false; ///< the estimator did, since its inputs contradict each other; judged up to there
   // NEES of the first estimate.
   double first_pose = kNever; ///< 6 degrees of freedom; 2 of a start by itself, in whose map the truth is put
   double first_tilt = kNever; ///< 2
