@@ -40,6 +40,7 @@ def read_pairs(rig, pairs):
     import genpy
     begin, end = (genpy.Time(*divmod(int(t), 10**9)) for t in (received.min(), received.max()))
     sides, held = {left.topic: "left", right.topic: "right"}, {}
+    bits = 8  # in use so far: a brighter picture has one more, and is as bright as those before
     with open_bag(rig.path) as bag:
         for topic, message, _ in bag.read_messages([left.topic, right.topic], begin, end):
             key = sides[topic], message.header.stamp.to_nsec()
@@ -47,17 +48,19 @@ def read_pairs(rig, pairs):
                 continue
             wanted.discard(key)
             k = number[key]
-            held.setdefault(k, {})[key[0]] = decode(message)
+            image = _decode(message)
+            if image is not None and image.dtype != np.uint8:
+                bits = max(bits, int(image.max()).bit_length())
+            held.setdefault(k, {})[key[0]] = image
             if len(held[k]) == 2:
                 pair = held.pop(k)
-                yield k, pair["left"], pair["right"]
+                yield k, _eight_bits(pair["left"], bits), _eight_bits(pair["right"], bits)
 
 
-def decode(message):
-    """(rows, columns) uint8 of a sensor_msgs/Image or CompressedImage; None where that cannot be."""
+def _decode(message):
+    """(rows, columns) uint8 or uint16 of a sensor_msgs/Image or CompressedImage; None where that cannot be."""
     if hasattr(message, "format"):
-        image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
-        return None if image is None else _eight_bits(image)
+        return cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
     if message.encoding not in ENCODINGS:
         return None
     bits, channels, conversion = ENCODINGS[message.encoding]
@@ -68,12 +71,11 @@ def decode(message):
     rows = np.frombuffer(message.data, np.uint8)[:message.step * message.height].reshape(message.height, message.step)
     image = np.ascontiguousarray(rows[:, :width * dtype.itemsize]).view(dtype).astype(np.uint8 if bits == 8 else np.uint16)
     image = image.reshape(message.height, message.width, channels) if channels > 1 else image
-    return _eight_bits(image if conversion is None else cv2.cvtColor(image, conversion))
+    return image if conversion is None else cv2.cvtColor(image, conversion)
 
 
-def _eight_bits(image):
-    """The highest bits that are in use."""
-    if image.dtype == np.uint8:
+def _eight_bits(image, bits):
+    """The highest 8 of `bits`."""
+    if image is None or image.dtype == np.uint8:
         return image
-    bits = max(8, int(image.max()).bit_length())
     return (image >> (bits - 8)).astype(np.uint8)

@@ -1,0 +1,28 @@
+"""Pictures of a bag, as check_rig.py looks at them."""
+
+from types import SimpleNamespace
+
+import genpy
+import numpy as np
+import rosbag
+from sensor_msgs.msg import Image
+
+from vi_ekf_slam.rig_check.images import read_pairs
+
+
+def test_deep_pictures_of_a_bag_are_scaled_alike(tmp_path):
+    """12 bits in 16: one that just reaches the next bit is not half as bright as the other."""
+    levels = {"/left": (2040, 2040, 2050), "/right": (2050, 2040, 2040)}
+    path, stamps = str(tmp_path / "deep.bag"), np.arange(3) * 10**8 + 10**9
+    with rosbag.Bag(path, "w") as bag:
+        for k, stamp in enumerate(stamps):
+            for topic, brightest in levels.items():
+                message = Image(height=4, width=6, encoding="mono16", step=12)
+                message.header.stamp = genpy.Time(*divmod(int(stamp), 10**9))
+                message.data = np.full((4, 6), brightest[k], "<u2").tobytes()
+                bag.write(topic, message, message.header.stamp)
+    streams = {"%s_image" % topic[1:]: SimpleNamespace(topic=topic, stamps=stamps, received=stamps) for topic in levels}
+    rig = SimpleNamespace(path=path, streams=streams)
+    pairs = list(read_pairs(rig, np.column_stack([np.arange(3)] * 2)))
+    assert [(k, int(left.max()), int(right.max())) for k, left, right in pairs] == [(0, 127, 128), (1, 127, 127), (2, 128, 127)]
+    assert all(picture.dtype == np.uint8 and picture.shape == (4, 6) for pair in pairs for picture in pair[1:])
