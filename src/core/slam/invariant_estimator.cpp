@@ -132,18 +132,19 @@ void InvariantEstimator::propagate(Filter& filter, const ImuTrack& imu, Stamp fr
 }
 
 bool InvariantEstimator::canBridge(double gap_s) const {
-  const double known = motion_->knowsGravity() ? kKnownTilt : kKnownHeading;
+  const double known_tilt = motion_->knowsGravity() ? kKnownTilt : kKnownHeading;
   Filter ahead = filter_;
   Stamp now = stamp_.value_or(0);
   const Stamp end = now + fromSeconds(gap_s);
   ImuTrack imu = imu_;
   imu.expectAt(end);
   // Bit by bit: over a gap of years the heading is lost soon.
-  while (now < end) {
+  do {
     const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
     propagate(ahead, imu, std::exchange(now, next), next);
-    if (!(ahead.covariance().diagonal().segment<3>(3).maxCoeff() <= known * known)) return false;
-  }
+    const Eigen::Vector3d sigma = ahead.covariance().diagonal().segment<3>(3).cwiseSqrt();
+    if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kKnownHeading)) return false;
+  } while (now < end);
   return true;
 }
 

@@ -111,7 +111,7 @@ class Estimator {
   /// one in that map, and the place is found. False, and nothing changes, for an estimator that cannot.
   virtual bool setPose(const SE3& /*world_T_imu*/, const Matrix6d& /*covariance*/) { return false; }
 
-  /// Whether the estimate may go on after a gap of so many s: the heading is known well enough then.
+  /// Whether the estimate may go on after a gap of so many s: the orientation is known well enough then.
   virtual bool canBridge(double /*gap_s*/) const { return true; }
 
   /// The state at the stamp of the last measurement.
