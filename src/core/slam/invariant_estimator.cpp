@@ -139,12 +139,12 @@ bool InvariantEstimator::canBridge(double gap_s) const {
   ImuTrack imu = imu_;
   imu.expectAt(end);
   // Bit by bit: over a gap of years the heading is lost soon.
-  do {
+  while (now < end) {
     const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
     propagate(ahead, imu, std::exchange(now, next), next);
     const Eigen::Vector3d sigma = ahead.covariance().diagonal().segment<3>(3).cwiseSqrt();
     if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kKnownHeading)) return false;
-  } while (now < end);
+  }
   return true;
 }
 

@@ -135,15 +135,10 @@ void SlamSystem::bridge(Stamp now) {
   const std::optional<Stamp> before = std::exchange(reached_, now);
   const double gap = before ? secondsBetween(*before, now) : 0.0;
   if (gap > kShortestGap && !estimator_->canBridge(gap)) {
-    lose("no message", gap);
+    keepMapOfBefore(); // the world is as it was
+    beginAnew("no message for " + std::to_string(gap) + " s" + kLost);
     reached_ = now;
   }
-}
-
-/// The world is as it was.
-void SlamSystem::lose(const std::string& what, double seconds) {
-  keepMapOfBefore();
-  beginAnew(what + " for " + std::to_string(seconds) + " s" + kLost);
 }
 
 bool SlamSystem::needsRig() const {
@@ -206,7 +201,6 @@ void SlamSystem::beginAnew(const std::string& reason) {
   estimator_ = makeEstimator();
   told_starts_.clear();
   reached_.reset();
-  last_imu_.reset();
   checks_.restart();
   dead_reckoning_ = DeadReckoning();
   last_velocity_.reset();
@@ -266,7 +260,6 @@ void SlamSystem::process(const ImuSample& sample) {
   // An inertial estimate that has started has compared the two.
   checks_.note(sample, !motion_.isInertial() || !estimator_->hasStarted());
   lever_arm_.note(sample);
-  last_imu_ = sample.stamp;
   estimator_->process(sample);
   if (!estimator_->hasStarted()) return;
   const StateEstimate state = estimator_->state();
@@ -289,8 +282,6 @@ void SlamSystem::process(const StereoFrame& frame) {
   const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
   count(report);
   if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
-  const double silence = motion_.isInertial() && last_imu_ ? secondsBetween(*last_imu_, frame.stamp) : 0.0;
-  if (silence > kShortestGap && !estimator_->canBridge(0.0)) return lose("no IMU message", silence);
   reportStart();
   if (!estimator_->hasStarted()) {
     ++counts_.frames_before_start;

@@ -153,39 +153,6 @@ TEST(InertialMap, OfASecondAgoIsNotResumedFrom) {
   EXPECT_EQ(second.mapUse(), MapUse::kWaiting);
 }
 
-// Frames alone do not hold the tilt where none of them is understood.
-TEST(InertialMap, OfBeforeTheImuStopsIsWhereItFindsItsPlaceAgain) {
-  Flown flown(2);
-  Config config;
-  config.invariant = inertialConfig(mapFlight(), mapFlight().pixel);
-  SlamSystem system(config);
-  std::vector<std::string> reasons;
-  system.onReset([&reasons](const std::string& reason, const PathEstimate&) { reasons.push_back(reason); });
-  system.setRig(exampleRig());
-  for (int i = 0; i < 60; ++i) {
-    for (int k = 0; k < 10; ++k) system.add(flown.flight.sample());
-    system.add(flown.flight.frame());
-  }
-  EXPECT_TRUE(system.estimator().hasStarted());
-  EXPECT_TRUE(reasons.empty());
-  // Other things are in the pictures now.
-  for (int i = 0; i < 15; ++i) {
-    for (int k = 0; k < 10; ++k) flown.flight.sample();
-    StereoFrame frame = flown.flight.frame();
-    for (StereoFeatureObservation& feature : frame.features)
-      feature.pixels += flown.flight.random().gaussian<4>(200.0);
-    system.add(frame);
-  }
-  ASSERT_EQ(reasons.size(), 1u);
-  EXPECT_EQ(reasons[0].rfind("no IMU message for 0.", 0), 0u) << reasons[0];
-  for (int i = 0; i < 80; ++i) {
-    for (int k = 0; k < 10; ++k) system.add(flown.flight.sample());
-    system.add(flown.flight.frame());
-  }
-  EXPECT_EQ(system.estimator().mapUse(), MapUse::kRelocalised);
-  EXPECT_EQ(reasons.size(), 1u);
-}
-
 // Nothing is measured for a while, whatever counts as a jump of the clock.
 TEST(InertialMap, OfBeforeAGapIsWhereItFindsItsPlaceAgain) {
   for (const double jump : {1.0, 60.0}) {

@@ -159,7 +159,6 @@ class SlamSystem {
   void requireJointMap(const std::string& source) const;
   void followJump();
   void bridge(Stamp now);
-  void lose(const std::string& what, double seconds);
   void keepMapOfBefore();
   void reset(const std::string& reason, bool keeps_map);
   void drain();
@@ -182,7 +181,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> estimator_;
   Given given_;
   bool keeps_map_ = false;
-  std::optional<Stamp> reached_, last_imu_; ///< by the estimate
+  std::optional<Stamp> reached_; ///< by the estimate
   DeadReckoning dead_reckoning_;
   std::optional<Stamp> last_velocity_; ///< since the start
   LeverArm lever_arm_;
