@@ -17,7 +17,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view
-constexpr std::size_t kLeastMatches = 6, kMostPoints = 100;
+constexpr std::size_t kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
 constexpr double kBetweenTries = 0.5;    // s
 constexpr double kBetweenFailures = 5.0; // s, of the costly part
@@ -113,7 +113,7 @@ std::optional<SE3> roughAlignment(const MatchedPoints& m, double share) {
 /// others' transform is `there_T_here` from then on. With S the covariance of what is left of all, and r =
 /// S^-1 innovation, what one is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
 void keepCompatible(MatchedPoints& m, SE3& there_T_here) {
-  while (m.which.size() >= kLeastMatches) {
+  while (m.which.size() >= Relocaliser::kLeastMatches) {
     const auto n = 3 * static_cast<Eigen::Index>(m.which.size());
     std::vector<Eigen::Vector3d> moved;
     Eigen::VectorXd innovation(n);

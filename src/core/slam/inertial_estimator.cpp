@@ -116,7 +116,7 @@ void InertialEstimator::tryGiven(Stamp now) {
 }
 
 void InertialEstimator::process(const ImuSample& sample) {
-  expect(sample);
+  if (!filter_) expect(sample); // what goes on from before asks how far that is
   tryToGoOn(sample.stamp);
   if (filter_) filter_->process(sample);
   if (alignment_) alignment_->process(sample);

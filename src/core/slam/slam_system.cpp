@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "vi_ekf_slam/core/map/relocaliser.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
 #include "vi_ekf_slam/core/slam/inertial_estimator.hpp"
 
@@ -19,7 +20,6 @@ constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the
 constexpr double kShortestGap = 0.4;
 constexpr const char* kLost = ", after which the orientation is not known";
 constexpr double kVelocityHolds = 2.0; // s; of one that stopped coming nothing is reckoned on
-constexpr std::size_t kLeastLandmarks = 6; // of a map in which a place can be found, see Relocaliser
 
 std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
   return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
@@ -192,7 +192,7 @@ void SlamSystem::keepMapOfBefore() {
   if (estimator_->mapUse() == MapUse::kWaiting) return;
   const auto saved = estimator_->savedMap();
   auto map = saved ? std::make_shared<const SavedMap>(saved()) : nullptr;
-  if (map && map->landmarks.size() >= kLeastLandmarks) given_.map = std::move(map);
+  if (map && map->landmarks.size() >= Relocaliser::kLeastMatches) given_.map = std::move(map);
 }
 
 void SlamSystem::beginAnew(const std::string& reason) {

@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kAutosaveCost = 10.0; // of what the last one took, between two
 
-bool isDone(const std::future<std::string>& future) {
+template <class Future>
+bool isDone(const Future& future) {
   return future.valid() && future.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
@@ -86,7 +87,7 @@ void Results::autosaveIfDue() {
   if (isDone(earlier_map_)) finishEarlierMap();
   if (output_dir_.empty() || autosave_period_s_ == 0.0 || service_saves_) return;
   if (autosave_.valid()) {
-    if (autosave_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return;
+    if (!isDone(autosave_)) return;
     autosave_failure_ = autosave_.get();
   }
   // After a day the files are large: saving takes a tenth of the time at most.

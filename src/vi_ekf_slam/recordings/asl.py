@@ -7,7 +7,6 @@ mav0/state_groundtruth_estimate0 or mocap0 (data.csv), or truth_imu.tum.
 
 import glob
 import os
-from bisect import bisect_left
 
 import numpy as np
 
@@ -21,8 +20,7 @@ from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.recording import Images, Imu, Recording, require_increasing
 from vi_ekf_slam.recordings.rectification import rectify
-
-PAIR_TOLERANCE = 5000000  # ns between the stamps of a pair, as the node has it (ros_config.hpp)
+from vi_ekf_slam.recordings.stamp_pairs import mutual_pairs
 
 
 def base_of(folder):
@@ -93,30 +91,18 @@ def noise_of(folder, base):
 
 
 def _images(base, size, faults):
-    """(Images, ns between the stamps of a pair at most): each picture is the other's nearest, within PAIR_TOLERANCE."""
+    """(Images, ns between the stamps of a pair at most), of mutual_pairs."""
     left, right = (_camera_images(os.path.join(base, name), faults) for name in ("cam0", "cam1"))
-    beside, back = _nearest(left, right), _nearest(right, left)
-    stamps = [stamp for stamp in sorted(left) if back.get(beside.get(stamp)) == stamp]
-    for one, paired, name in ((left, set(stamps), "cam1"), (right, {beside[stamp] for stamp in stamps}, "cam0")):
+    lefts, rights = sorted(left), sorted(right)
+    beside = {lefts[i]: rights[j] for i, j in mutual_pairs(np.array(lefts, np.int64), np.array(rights, np.int64))}
+    for one, paired, name in ((left, set(beside), "cam1"), (right, set(beside.values()), "cam0")):
         for stamp in sorted(set(one) - paired):
             faults.add("%s: has no picture beside %s" % (os.path.join(base, name), one[stamp]))
-    pairs = whole_pairs([(stamp, left[stamp], right[beside[stamp]]) for stamp in stamps], size, faults)
+    pairs = whole_pairs([(stamp, left[stamp], right[beside[stamp]]) for stamp in sorted(beside)], size, faults)
     stamps, lefts, rights = zip(*pairs)
     stamps = np.array(stamps, dtype=np.int64)
     require_increasing(stamps, os.path.join(base, "cam0"))
     return Images(stamps, lefts, rights), max(abs(beside[stamp] - stamp) for stamp in stamps.tolist())
-
-
-def _nearest(stamps, others):
-    """{stamp: the nearest of `others`} of those that have one within PAIR_TOLERANCE. Both: integer ns."""
-    others = sorted(others)
-    found = {}
-    for stamp in stamps:
-        after = bisect_left(others, stamp)
-        nearest = min(others[max(after - 1, 0):after + 1], key=lambda other: abs(other - stamp), default=None)
-        if nearest is not None and abs(nearest - stamp) <= PAIR_TOLERANCE:
-            found[stamp] = nearest
-    return found
 
 
 def _camera_images(camera, faults):

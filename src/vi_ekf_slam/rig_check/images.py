@@ -5,7 +5,6 @@ import numpy as np
 
 from vi_ekf_slam.bag.opening import open_bag
 
-PAIR_TOLERANCE = 5000000  # ns, front_end/pair_tolerance_s
 # sensor_msgs/Image: (bits, channels, what OpenCV makes grey of it).
 ENCODINGS = {"mono8": (8, 1, None), "8UC1": (8, 1, None), "mono16": (16, 1, None), "16UC1": (16, 1, None),
              "bgr8": (8, 3, cv2.COLOR_BGR2GRAY), "rgb8": (8, 3, cv2.COLOR_RGB2GRAY), "8UC3": (8, 3, cv2.COLOR_BGR2GRAY),
@@ -13,19 +12,6 @@ ENCODINGS = {"mono8": (8, 1, None), "8UC1": (8, 1, None), "mono16": (16, 1, None
              "bgr16": (16, 3, cv2.COLOR_BGR2GRAY), "rgb16": (16, 3, cv2.COLOR_RGB2GRAY),
              "bayer_rggb8": (8, 1, cv2.COLOR_BayerBG2GRAY), "bayer_bggr8": (8, 1, cv2.COLOR_BayerRG2GRAY),
              "bayer_gbrg8": (8, 1, cv2.COLOR_BayerGR2GRAY), "bayer_grbg8": (8, 1, cv2.COLOR_BayerGB2GRAY)}
-
-
-def pair_stamps(left, right):
-    """(P, 2) indices of the left and the right picture of each pair, in the order of stamps. left, right: (N,), (M,) ns."""
-    if not len(left) or not len(right):
-        return np.zeros((0, 2), dtype=int)
-    order = np.argsort(right, kind="stable")
-    place = np.clip(np.searchsorted(right[order], left), 1, max(1, len(right) - 1))
-    candidates = np.stack([place - 1, np.minimum(place, len(right) - 1)])
-    offsets = np.abs(right[order][candidates] - left)
-    nearest = order[candidates[np.argmin(offsets, axis=0), np.arange(len(left))]]
-    pairs = np.column_stack([np.arange(len(left)), nearest])[offsets.min(axis=0) <= PAIR_TOLERANCE]
-    return pairs[np.argsort(left[pairs[:, 0]], kind="stable")]
 
 
 def read_pairs(rig, pairs):

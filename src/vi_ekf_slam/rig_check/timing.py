@@ -168,7 +168,7 @@ def _draw_steps(rig, stamps, steps):
 
 def check_pairs(rig, report):
     """Left and right pictures of one time."""
-    from vi_ekf_slam.rig_check.images import PAIR_TOLERANCE, pair_stamps
+    from vi_ekf_slam.recordings.stamp_pairs import PAIR_TOLERANCE, pair_stamps
     if "left_image" not in rig.streams or "right_image" not in rig.streams:
         report.unjudged("there are no pictures of both cameras")
         return

@@ -19,6 +19,9 @@ namespace vi_ekf_slam {
 /// ids.
 class Relocaliser {
  public:
+  /// Landmarks that must agree: in a map of fewer no place is found.
+  static constexpr std::size_t kLeastMatches = 6;
+
   explicit Relocaliser(std::shared_ptr<const SavedMap> map);
 
   /// Whether the place was found: everything is in the map's frame then.
