@@ -64,4 +64,7 @@ def main(directory):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        print("usage: count_test_results.py DIRECTORY", file=sys.stderr)
+        sys.exit(2)
     sys.exit(main(sys.argv[1]))

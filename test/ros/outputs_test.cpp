@@ -128,6 +128,20 @@ TEST(Markers, colour_is_logarithmic_in_how_well_a_landmark_is_known) {
   }
 }
 
+TEST(Markers, of_loops_are_as_wide_as_their_path_is_long) {
+  const auto width = [](double length) {
+    PathEstimate path;
+    path.nodes.resize(2);
+    path.nodes[1].stamp = 1;
+    path.nodes[1].now = SE3(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, length, 0.5 * length));
+    path.loops = {{0, 1}};
+    return loopMarker(path, 1, "map").scale.x;
+  };
+  EXPECT_NEAR(0.03, width(6.0), 1e-12);
+  EXPECT_DOUBLE_EQ(0.3, width(300.0));
+  EXPECT_GT(width(0.0), 0.0);
+}
+
 TEST(Cloud, carries_position_uncertainty_and_the_whole_id) {
   const auto cloud = toCloud(landmarks(2), 9, "map");
   ASSERT_EQ(2U, cloud.width);

@@ -2,6 +2,7 @@
 
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -12,7 +13,9 @@ namespace {
 
 constexpr const char* kNamespace = "landmarks";
 constexpr const char* kLoops = "loop_closures";
-constexpr double kLoopWidth = 0.3; // m
+/// Of a loop's line, width to extent of the path: 4 px where 800 show all of it, in a room as on a road.
+constexpr double kLoopShare = 0.005;
+constexpr double kThinnestLoop = 1e-3, kWidestLoop = 0.3; // m; rviz warns of a width of 0
 
 visualization_msgs::Marker emptyMarker(const std::string& frame, Stamp stamp, int id) {
   visualization_msgs::Marker marker;
@@ -35,6 +38,13 @@ std_msgs::ColorRGBA colour(double sigma) {
   c.g = 1.0F - share;
   c.a = 1.0F;
   return c;
+}
+
+/// m, the longest side of the box about the path.
+double extent(const PathEstimate& path) {
+  Eigen::AlignedBox3d box;
+  for (const PathNode& node : path.nodes) box.extend(node.now.translation());
+  return box.isEmpty() ? 0.0 : box.sizes().maxCoeff();
 }
 
 geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
@@ -82,7 +92,7 @@ visualization_msgs::Marker loopMarker(const PathEstimate& path, Stamp stamp, con
   // rviz complains about a list without points.
   marker.action =
       path.loops.empty() ? visualization_msgs::Marker::DELETE : visualization_msgs::Marker::ADD;
-  marker.scale.x = kLoopWidth;
+  marker.scale.x = std::clamp(kLoopShare * extent(path), kThinnestLoop, kWidestLoop);
   marker.color.r = marker.color.b = marker.color.a = 1.0F;
   const auto positionAt = [&path](Stamp end) {
     const auto node = std::lower_bound(path.nodes.begin(), path.nodes.end(), end,

@@ -6,6 +6,7 @@ from vi_ekf_slam.bag import messages as make
 from vi_ekf_slam.bag.connections import STATIC_TOPIC, latched
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.common.checks import require_distinct
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.output_file import replacing
 
@@ -22,6 +23,7 @@ def add_calibration(options, rig):
         if not source.get_message_count():
             raise InputError("%s: holds no messages" % options.bag)
         imu_frame = options.imu_frame or _imu_frame(source, options)
+        require_distinct([imu_frame, options.left_frame, options.right_frame])
         _refuse_second_parent(source, options)
         stamp = next(iter(source.read_messages(raw=True)))[2]
         with replacing(options.output) as stream:

@@ -6,9 +6,9 @@ import numpy as np
 from vi_ekf_slam.bag.connections import STATIC_TOPIC
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
-from vi_ekf_slam.bag.transforms import chain
+from vi_ekf_slam.bag.transforms import chain, root
 from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
-from vi_ekf_slam.rig_check.topics import assign
+from vi_ekf_slam.rig_check.topics import TYPES, assign
 
 # Arguments of slam.launch whose topics say when the frames were, and which is the camera's frame; the first that is there.
 # A driver may publish camera_info but once.
@@ -28,8 +28,8 @@ def read_reference(path, imu=None):
     """Read a bag, as dataset_to_bag.py writes them or with topics that can be told by their types and names (topics.assign).
 
     The camera's frame is the one that the features name, or else the left camera_info, and the IMU's is `imu` or, where
-    that is None or nothing connects it, the one that the IMU's messages name; the extrinsic is the transform between the
-    two on /tf_static, directly or as a chain.
+    that is None or nothing connects it, the one that the IMU's messages name; without an IMU it is the root above the camera, as
+    the truth is the IMU's there too. The extrinsic is the transform between the two on /tf_static, directly or as a chain.
     """
     stamps, frames, transforms, truth = [], {}, [], None
     with open_bag(path) as bag:
@@ -51,7 +51,10 @@ def read_reference(path, imu=None):
             if topic == clock:
                 stamps.append(genpy.Time(*divmod(stamp, 10**9)).to_sec())
     camera = next((frames[topics[name]] for name in CAMERA if name in topics), None)
-    found = (_extrinsic(transforms, camera, frame) for frame in (imu if imu != camera else None, frames.get(topics.get("imu"))))
+    own = frames.get(topics.get("imu"))
+    if camera is not None and not any(info.msg_type in TYPES["imu"] for info in present.values()):
+        own = _above(transforms, camera)
+    found = (_extrinsic(transforms, camera, frame) for frame in (imu if imu != camera else None, own))
     extrinsic = next((matrix for matrix in found if matrix is not None), None)
     return Reference(np.array(stamps), extrinsic, truth, camera)
 
@@ -61,6 +64,13 @@ def _read_path(message):
     if not poses:
         return None
     return np.array([p.header.stamp.to_sec() for p in message.poses]), np.array(poses)
+
+
+def _above(transforms, camera):
+    """The root above the camera's frame, or None where nothing is above it."""
+    camera = camera.lstrip("/")
+    frame = root({t.child_frame_id.lstrip("/"): t.header.frame_id.lstrip("/") for t in transforms}, camera)
+    return None if frame == camera else frame
 
 
 def _extrinsic(transforms, camera, imu):

@@ -5,6 +5,15 @@ import numpy as np
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation
 
 
+def root(parents, frame):
+    """The frame above all of `frame`, itself where nothing is above it. parents: {child: parent}, without leading slashes."""
+    seen = set()
+    while frame in parents and frame not in seen:
+        seen.add(frame)
+        frame = parents[frame]
+    return frame
+
+
 def chain(transforms, target, source):
     """target_T_source (4 x 4) through geometry_msgs/TransformStamped in either direction; None where nothing connects the frames.
 

@@ -51,6 +51,14 @@ def nanoseconds(stamps):
     return whole.astype(np.int64) * 1000000000 + np.rint((stamps - whole) * 1e9).astype(np.int64)
 
 
+def require_distinct(frames):
+    """No frame of a rig twice: a transform between a frame and itself is none."""
+    for k, frame in enumerate(frames):
+        if frame in frames[:k]:
+            raise InputError("two of the frames of IMU, left and right camera are '%s', allowed: three different ones "
+                             "(--imu-frame, --left-frame, --right-frame)" % frame)
+
+
 def require_positive(value, name, unit=""):
     """A finite number above zero, returned as float."""
     if not (np.isfinite(value) and value > 0.0):

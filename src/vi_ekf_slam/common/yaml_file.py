@@ -6,10 +6,14 @@ from vi_ekf_slam.common.errors import InputError
 
 
 def read_yaml(path):
-    """What a YAML file holds, whatever that is; InputError names the file and why it cannot be read."""
+    """What a YAML file holds, whatever that is; InputError names the file and why it cannot be read.
+
+    The first line `%YAML:1.0`, which OpenCV asks for, is no YAML and is passed over.
+    """
     try:
         with open(path, encoding="utf-8") as stream:
-            return yaml.safe_load(stream)
+            text = stream.read()
+            return yaml.safe_load("#" + text if text.startswith("%YAML:") else text)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
         raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
 

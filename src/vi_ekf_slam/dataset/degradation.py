@@ -65,9 +65,12 @@ def cut_tracks(frames, longest=None, drop_last=0.0):
 
 
 def black_out(frames, stamps, start, duration):
-    """No features from `start` s after the first frame for `duration` s."""
+    """No features from `start` s after the first frame for `duration` s; InputError where no frame is within that."""
     since = stamps - stamps[0]
     dark = (since >= start) & (since < start + duration)
+    if not dark.any():
+        raise InputError("--blackout %g %g: no frame is within it, allowed: a START from 0 to %.3f s and a DURATION above 0"
+                         % (start, duration, since[-1]))
     return _select(frames, lambda _, k: not dark[k])
 
 

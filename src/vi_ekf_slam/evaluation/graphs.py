@@ -111,8 +111,11 @@ def draw_frames(title, frames):
 
 
 def _frames_of_new_tracks(frames):
-    """Frames that have features and use none of them without having been rejected: all their ids are new."""
-    return int(np.sum((frames["features"] > 0.0) & (frames["used"] == 0.0) & (frames["frame_rejected"] == 0.0)))
+    """Frames that have features and use none of them without having been rejected: all their ids are new, as those of the
+    first one are on any drive, which does not count."""
+    seen = frames["features"] > 0.0
+    new = seen & (frames["used"] == 0.0) & (frames["frame_rejected"] == 0.0)
+    return int(np.sum(new[np.argmax(seen) + 1:]))
 
 
 def _draw_nis(axes, time, frames):

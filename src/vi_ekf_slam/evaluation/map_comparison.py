@@ -17,7 +17,7 @@ from vi_ekf_slam.evaluation.top_view import plain, view_limits
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
 LEAST_FRAMES = 10  # landmarks that were seen less often blur any map
-ZOOM_SIDE = 60.0  # m
+ZOOM_SIDE, ZOOM_SHARE = 60.0, 0.25  # m, and of the whole view's longer side: the smaller of both
 ZOOM_PLACES = 200  # along the trajectory that are tried
 
 
@@ -50,7 +50,8 @@ def read_tracks(path, topic):
             for feature in message.features:
                 tracks[feature.id] = (tracks.get(feature.id, (0, 0.0))[0] + 1, stamps[-1])
     if not tracks:
-        raise InputError("%s: has no features on %s" % (path, topic))
+        raise InputError("%s: has no features on %s; of pictures, run_bag --save-features OUT.bag makes a bag that has them"
+                         % (path, topic))
     length = max(stamps[-1] - stamps[0], 1e-9)
     return {id_: (frames, (stamp - stamps[0]) / length) for id_, (frames, stamp) in tracks.items()}
 
@@ -72,9 +73,8 @@ def common_place(trajectory, selected, side):
     return max(places, key=poorest)
 
 
-def draw(maps, names, selected, zoom):
-    """The picture as a Figure. maps: list of Map; selected: Map.select of each; zoom: limits of the part to enlarge."""
-    limits = view_limits([m.trajectory for m in maps])
+def draw(maps, names, selected, limits, zoom):
+    """The picture as a Figure. maps: list of Map; selected: Map.select of each; limits, zoom: of all and of the part to enlarge."""
     figure = Figure(figsize=(6.0 * len(maps), 10.5), dpi=110)
     axes = figure.subplots(2, len(maps), squeeze=False, gridspec_kw={"hspace": 0.18})
     for column, (m, name, (positions, second)) in enumerate(zip(maps, names, selected)):
@@ -99,11 +99,11 @@ def draw(maps, names, selected, zoom):
     return figure
 
 
-def zoom_limits(words, maps, selected):
-    """((x_low, x_high), (y_low, y_high)) of --zoom X Y SIDE, or a part of ZOOM_SIDE in which all maps have landmarks."""
+def zoom_limits(words, maps, selected, limits):
+    """((x_low, x_high), (y_low, y_high)) of --zoom X Y SIDE, or of a part of `limits` in which all maps have landmarks."""
     if words is None:
-        x, y = common_place(maps[0].trajectory, selected, ZOOM_SIDE)
-        side = ZOOM_SIDE
+        side = min(ZOOM_SIDE, ZOOM_SHARE * max(high - low for low, high in limits))
+        x, y = common_place(maps[0].trajectory, selected, side)
     else:
         x, y, side = words
     if not side > 0.0:
@@ -122,9 +122,10 @@ def compare_maps(options):
     maps = [Map(run) for run in options.runs]
     tracks = read_tracks(options.bag, options.features)
     selected = [m.select(tracks, options.least) for m in maps]
-    zoom = zoom_limits(options.zoom, maps, selected)
+    limits = view_limits([m.trajectory for m in maps], landmarks=np.vstack([positions for positions, _ in selected]))
+    zoom = zoom_limits(options.zoom, maps, selected, limits)
     with replacing(options.output) as stream:
-        draw(maps, names, selected, zoom).savefig(stream, format="png", bbox_inches="tight")
+        draw(maps, names, selected, limits, zoom).savefig(stream, format="png", bbox_inches="tight")
     print("wrote: %s" % options.output)
 
 
@@ -140,7 +141,8 @@ def main(argv=None):
     parser.add_argument("--features", metavar="TOPIC", default="/features", help="(default: %(default)s)")
     parser.add_argument("--names", metavar="NAME", nargs="+", help="titles (default: the directories' names)")
     parser.add_argument("--zoom", metavar=("X", "Y", "SIDE"), type=float, nargs=3,
-                        help="centre and side of the enlarged part, m (default: 60 m where all maps have landmarks, of both halves if possible)")
+                        help="centre and side of the enlarged part, m (default: 60 m, or a quarter of the view, where all maps have "
+                             "landmarks, of both halves if possible)")
     parser.add_argument("--least", metavar="FRAMES", type=int, default=LEAST_FRAMES,
                         help="leave landmarks out that were seen in fewer frames (default: %(default)s)")
     parser.add_argument("--output", metavar="PNG", default="maps.png", help="picture to write (default: %(default)s)")

@@ -10,6 +10,8 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 MARGIN = 0.12  # of the trajectories' larger extent, around them
 MIN_MARGIN = 0.1  # m
+ROOM = 2.0  # of that extent: so far around them the view is widened for landmarks, and they keep a fifth of it
+MOST = (3.0, 97.0)  # percentiles of the landmarks along each axis, between which the view holds them
 MIN_ASPECT = 0.45  # of height to width or width to height, for straight drives
 LONG_SIDE = 9.0  # inch
 CELLS = 26  # along the longer side of the view; a cell holds at most one ellipse
@@ -22,16 +24,23 @@ SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
 SMOOTHED_STYLE = {"color": "tab:blue", "linewidth": 1.4, "zorder": 6}
 
 
-def view_limits(trajectories, min_aspect=MIN_ASPECT):
-    """((x_min, x_max), (y_min, y_max)) in m: the whole of every trajectory and a margin.
+def view_limits(trajectories, min_aspect=MIN_ASPECT, landmarks=()):
+    """((x_min, x_max), (y_min, y_max)) in m: the whole of every trajectory and a margin, and most of the landmarks about it.
 
-    Trajectories alone decide, so that a landmark a kilometre away does not shrink the picture. min_aspect: of the
-    shorter side to the longer one.
+    The walls of a room are farther apart than the path of what is carried in it; a landmark a kilometre away does not shrink
+    the picture. landmarks: (L, 2 or more) m. min_aspect: of the shorter side to the longer one.
     """
     points = np.vstack([t[:, :2] for t in trajectories])
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = max(MIN_MARGIN, MARGIN * float((high - low).max()))
-    half = 0.5 * (high - low) + margin
+    extent = float((high - low).max())
+    if len(landmarks):
+        near = landmarks[~np.any((landmarks[:, :2] < low - ROOM * extent) | (landmarks[:, :2] > high + ROOM * extent), axis=1), :2]
+    margin = max(MIN_MARGIN, MARGIN * extent)
+    low, high = low - margin, high + margin
+    if len(landmarks) and len(near):
+        first, last = np.percentile(near, MOST, axis=0)
+        low, high = np.minimum(low, first), np.maximum(high, last)
+    half = 0.5 * (high - low)
     half = np.maximum(half, min_aspect * half.max())
     centre = 0.5 * (low + high)
     return tuple((float(c - h), float(c + h)) for c, h in zip(centre, half))
@@ -45,8 +54,8 @@ def count_outside(points, limits):
 
 
 def plain(name):
-    """A name as text of a picture, which takes what is between dollars for mathematics."""
-    return name.replace("$", r"\$")
+    """A name as text of a picture, which takes what is between dollars for mathematics, and leaves `_a` out of its legend."""
+    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
 
 
 def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None, smoothed=None):
@@ -67,7 +76,7 @@ def draw_trajectories(title, lines, landmarks=(), deviations=(), covariances=Non
     limits: of view_limits, and colors: of color_limits, for pictures to be compared; None: what suits this one.
     long_side: inch, the smaller the larger is the text beside it.
     """
-    limits = limits or view_limits([positions for _, positions, _ in lines])
+    limits = limits or view_limits([positions for _, positions, _ in lines], landmarks=landmarks)
     width, height = (high - low for low, high in limits)
     scale = long_side / max(width, height)
     figure = Figure(figsize=(scale * width + 2.5, scale * height + 1.8), dpi=130)

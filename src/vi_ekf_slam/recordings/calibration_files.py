@@ -25,8 +25,11 @@ def sensor_camera(path, body_T_imu):
     return _camera(values, path, "distortion_coefficients", inverse(body_T_imu) @ sensor_pose(values, path))
 
 
-def camchain(path):
-    """(left, right) RawCamera of Kalibr's camchain with cam0 and cam1."""
+def camchain(path, imu_T_left=None):
+    """(left, right) RawCamera of Kalibr's camchain with cam0 and cam1, or of OpenVINS', which may state the inverse of T_cam_imu.
+
+    imu_T_left: 4 x 4 or None, where the left camera is if the file does not say it.
+    """
     values, cameras = read_mapping(path), []
     for name in ("cam0", "cam1"):
         camera, where = values.get(name), "%s: %s" % (path, name)
@@ -34,10 +37,14 @@ def camchain(path):
             raise InputError("%s is missing" % where)
         if "T_cam_imu" in camera:
             imu_T_cam = inverse(transform(camera["T_cam_imu"], where + ": T_cam_imu"))
+        elif "T_imu_cam" in camera:
+            imu_T_cam = transform(camera["T_imu_cam"], where + ": T_imu_cam")
         elif cameras and "T_cn_cnm1" in camera:
             imu_T_cam = cameras[0].imu_T_cam @ inverse(transform(camera["T_cn_cnm1"], where + ": T_cn_cnm1"))
+        elif not cameras and imu_T_left is not None:
+            imu_T_cam = imu_T_left
         else:
-            raise InputError("%s: T_cam_imu is missing: where is the camera on the IMU?" % where)
+            raise InputError("%s: T_cam_imu is missing: where is the camera on the IMU? --imu-T-left FILE says it of cam0" % where)
         cameras.append(_camera(camera, where, "distortion_coeffs", imu_T_cam))
     return tuple(cameras)
 

@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 
+from vi_ekf_slam.common.checks import require_distinct
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, write_text
@@ -24,13 +25,13 @@ def make_parser():
         prog="import_calibration.py",
         description="Read the calibration of a rig and write a launch file that publishes it (camera_info of both cameras, "
                     "/tf_static, the IMU's noise and clock offset), or a bag that holds it. Without --output it is only "
-                    "shown. FILE is Kalibr's camchain-imucam.yaml; two files of ROS's camera_calibration or of EuRoC's "
+                    "shown. FILE is Kalibr's camchain-imucam.yaml, or OpenVINS'; two files of ROS's camera_calibration or of EuRoC's "
                     "sensor.yaml, left and right; or a folder of EuRoC, TUM-VI (mav0) or KITTI (calib_*.txt).",
         epilog="a_T_b takes points of b to a: imu_T_left holds the left camera's axes and position in the IMU's axes.")
     parser.add_argument("files", metavar="FILE", nargs="+")
     parser.add_argument("--imu", metavar="YAML", help="the IMU's noise: Kalibr's imu.yaml, or imu0/sensor.yaml")
     parser.add_argument("--imu-T-left", metavar="YAML", dest="imu_T_left",
-                        help="where the left camera is on the IMU, goes before what FILE says: imu_T_left, T_BS or T_cam_imu")
+                        help="where the left camera is on the IMU, goes before what FILE says: imu_T_left, T_BS, T_imu_cam or T_cam_imu")
     parser.add_argument("--output", metavar="OUT", help="OUT.launch, or with --bag OUT.bag, to write; noise goes to OUT.imu.yaml")
     parser.add_argument("--bag", metavar="IN.bag", help="the bag into whose copy the calibration goes")
     parser.add_argument("--imu-topic", metavar="TOPIC", type=absolute_topic, default="/imu",
@@ -86,6 +87,7 @@ def import_calibration(options):
         for source in [options.imu, options.imu_T_left] + options.files:
             check_output(noise_file, source)
     if options.bag is None:
+        require_distinct(frames)
         text = launch_text(rig, frames, noise_file and os.path.basename(noise_file))
         write_text(options.output, text)
     else:

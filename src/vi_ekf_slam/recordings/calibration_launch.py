@@ -1,5 +1,7 @@
 """The launch file of a calibration: parameters of the node publish_calibration.py, and two of the SLAM node's own."""
 
+from xml.sax.saxutils import quoteattr
+
 import yaml
 
 from vi_ekf_slam.common.yaml_file import yaml_number
@@ -20,7 +22,7 @@ TEMPLATE = """<?xml version="1.0"?>
   </node>
 {own}</launch>
 """
-OWN_NOISE = '  <param name="slam/inertial/imu_calibration" value="$(dirname)/{file}"/>\n'
+OWN_NOISE = '  <param name="slam/inertial/imu_calibration" value={file}/>\n'
 OWN_OFFSET = """  <!-- s, to be added to a picture's stamp to have that of the IMU's clock -->
   <param name="slam/calibration/time_offset" type="double" value="{value}"/>
 """
@@ -39,7 +41,7 @@ def launch_text(rig, frames, noise_file):
     parameters = {"imu_frame": imu, "left": camera_parameters(rig.left, left), "right": camera_parameters(rig.right, right),
                   "imu_T_left": _numbers(rig.imu_T_left), "left_T_right": _numbers(rig.left_T_right)}
     text = yaml.safe_dump(parameters, default_flow_style=None, sort_keys=False, width=100)
-    own = OWN_NOISE.format(file=noise_file) if noise_file else ""
+    own = OWN_NOISE.format(file=quoteattr("$(dirname)/" + noise_file)) if noise_file else ""
     if rig.time_offset is not None:
         own += OWN_OFFSET.format(value=yaml_number(rig.time_offset))
     return TEMPLATE.format(source=rig.format, own=own, parameters="".join("      %s\n" % line for line in text.splitlines()))

@@ -39,9 +39,9 @@ def read_calibration(paths, imu=None, imu_T_left=None):
             raise InputError("%s: no such file or folder" % path)
     given = None if imu_T_left is None else _camera_on_imu(imu_T_left)
     if len(paths) == 1 and os.path.isdir(paths[0]):
-        rig = _folder(paths[0])
+        rig = _folder(paths[0], given)
     elif len(paths) == 1:
-        rig = _kalibr(paths[0])
+        rig = _kalibr(paths[0], given)
     elif len(paths) == 2:
         rig = _two_files(paths, imu, given)
     else:
@@ -60,11 +60,11 @@ def read_noise(path):
     return noise_from_yaml(values, "rate_hz" if "rate_hz" in values else "update_rate", path)
 
 
-def _folder(folder):
+def _folder(folder, imu_T_left):
     base = asl.base_of(folder)
     if base:
         chain = asl.find(folder, base, "*camchain*.yaml")  # as the converter looks for it
-        return _kalibr(chain)._replace(noise=asl.noise_of(folder, base)) if chain else _asl(base)
+        return _kalibr(chain, imu_T_left)._replace(noise=asl.noise_of(folder, base)) if chain else _asl(base)
     for place in (folder, os.path.dirname(os.path.abspath(folder))):
         if os.path.exists(os.path.join(place, "calib_cam_to_cam.txt")):
             left, right, rectleft_T_imu, baseline = calibrated_pair(
@@ -73,13 +73,13 @@ def _folder(folder):
                                   make_transform(np.eye(3), [baseline, 0.0, 0.0]), None, None)
     chains = sorted(glob.glob(os.path.join(glob.escape(folder), "*camchain*.yaml")))
     if len(chains) == 1:
-        return _kalibr(chains[0])
+        return _kalibr(chains[0], imu_T_left)
     raise InputError("%s: is no calibration, allowed: a folder with cam0, cam1 and imu0 (EuRoC, TUM-VI), with "
                      "calib_cam_to_cam.txt (KITTI), or with one *camchain*.yaml (Kalibr)" % folder)
 
 
-def _kalibr(path):
-    return _raw("Kalibr's camchain", camchain(path), path, None, timeshift(path))
+def _kalibr(path, imu_T_left):
+    return _raw("Kalibr's camchain", camchain(path, imu_T_left), path, None, timeshift(path))
 
 
 def _asl(base):
@@ -148,9 +148,9 @@ def _ros_camera(path):
 
 def _camera_on_imu(path):
     values = read_mapping(path)
-    for key in ("imu_T_left", "T_BS", "T_cam_imu"):
+    for key in ("imu_T_left", "T_BS", "T_imu_cam", "T_cam_imu"):
         if key in values:
             entry = values[key]
             matrix = transform(entry.get("data") if isinstance(entry, dict) else entry, "%s: %s" % (path, key))
             return inverse(matrix) if key == "T_cam_imu" else matrix
-    raise InputError("%s: allowed: imu_T_left or T_BS (points of the left camera to the IMU), or T_cam_imu, of 16 numbers" % path)
+    raise InputError("%s: allowed: imu_T_left, T_BS or T_imu_cam (points of the left camera to the IMU), or T_cam_imu, of 16 numbers" % path)

@@ -12,9 +12,11 @@ import time
 import numpy as np
 import yaml
 
+from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.package_files import package_file, package_program
-from vi_ekf_slam.ros.private_ros import child, ros_master, set_parameter
+from vi_ekf_slam.common.stop_signals import signals_unwind
+from vi_ekf_slam.ros.private_ros import FOREIGN, child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s
 FX, CX, CY, BASELINE, WIDTH, HEIGHT = 700.0, 620.0, 190.0, 0.54, 1240, 380
@@ -176,6 +178,8 @@ def measure(options, folder):
         for name, value in (yaml.safe_load(stream) or {}).items():
             set_parameter(environment, "/slam/" + name, value)
         set_parameter(environment, "/slam/output_dir", output)
+        for name in FOREIGN:  # rospy, in this process, takes the namespace of whoever calls
+            os.environ.pop(name, None)
         os.environ.update({key: environment[key] for key in ("ROS_MASTER_URI", "ROS_HOSTNAME", "ROS_LOG_DIR")})
         with child([options.node, "__name:=slam"], env=environment) as node:
             traffic = Traffic(options)
@@ -226,6 +230,15 @@ def report(traffic, summary, took):
     return unaccounted, float(np.percentile(everything, 95)) if len(everything) else math.inf
 
 
+def check(options):
+    """InputError for a value out of range, before anything is started."""
+    for value, name, unit in ((options.duration, "--duration", "s"), (options.imu_rate, "--imu-rate", "Hz"),
+                              (options.frame_rate, "--frame-rate", "Hz"), (options.limit, "--limit", "s")):
+        checks.require_positive(value, name, unit)
+    if options.features < 0:
+        raise InputError("--features is %d, allowed: at least 0" % options.features)
+
+
 def main(arguments=None):
     """0; 1 when messages are lost unreported or results come too late; 2 when it cannot be measured."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -238,9 +251,10 @@ def main(arguments=None):
     parser.add_argument("--limit", type=float, default=1.0, help="s; 95 %% of the results have to come within it")
     options = parser.parse_args(arguments)
     try:
+        check(options)
         options.config = options.config or package_file("config", "default.yaml")
         options.node = package_program("slam_node") if options.node is None else options.node
-        with tempfile.TemporaryDirectory(prefix="vi_ekf_slam_load_") as folder:
+        with signals_unwind(), tempfile.TemporaryDirectory(prefix="vi_ekf_slam_load_") as folder:
             unaccounted, late = report(*measure(options, folder))
     except (InputError, OSError) as error:
         print("load_test: %s" % error, file=sys.stderr)

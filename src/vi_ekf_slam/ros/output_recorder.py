@@ -95,6 +95,8 @@ class OutputRecorder:
 
 def _require_writable(path):
     """OSError unless the file can be made, with the folders that are missing."""
+    if os.path.isdir(path):
+        raise OSError("%s: is a folder, allowed: the file to write" % path)
     folder = os.path.dirname(path)
     while not os.path.exists(folder):
         folder = os.path.dirname(folder)

@@ -3,10 +3,13 @@
 import time
 
 from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.bag.transforms import root
 from vi_ekf_slam.common.errors import InputError
 
 TF_TOPICS = ("/tf", "/tf_static")
-DRIVE_TOPICS = ("/imu", "/velocity", "/features")  # what slam_node needs under these names
+FEATURES = "/features"
+PICTURES = {"/left/image": "raw", "/left/image/compressed": "compressed"}  # topic: its image_transport
+DRIVE_TOPICS = ("/imu", "/velocity", FEATURES, *PICTURES)  # what slam_node or its front end needs under these names
 TF_WAIT_S = 5.0  # wall time to listen to a graph for its frames
 
 
@@ -30,19 +33,17 @@ class Offer:
 
     def connected(self, frame, other):
         """Whether the two are one frame or the transforms lead from one to the other."""
-        return self._root(frame) == self._root(other)
-
-    def _root(self, frame):
-        seen = set()
-        while frame in self.parents and frame not in seen:
-            seen.add(frame)
-            frame = self.parents[frame]
-        return frame
+        return root(self.parents, frame) == root(self.parents, other)
 
     def is_drive(self, displays):
         """Whether these are a drive's measurements, without what a node makes of them. displays: [TopicDisplay]."""
         outputs = [d.topic for d in displays if d.topic in self.topics and not d.topic.startswith("/ground_truth/")]
         return not outputs and any(topic in self.topics for topic in DRIVE_TOPICS)
+
+    def front_end(self):
+        """Arguments of slam.launch with which features are made of a drive's pictures; none where it has features, or no pictures."""
+        transport = next((PICTURES[topic] for topic in PICTURES if topic in self.topics), None)
+        return ["front_end:=true", "image_transport:=" + transport] if transport and FEATURES not in self.topics else []
 
 
 def read_bag(path, topics):

@@ -30,6 +30,7 @@ OCTREE = 2  # Image.FASTOCTREE in old versions of Pillow, Image.Quantize.FASTOCT
 ANIMATION_FRAMES, ANIMATION_STEP_MS = 60, 100
 PLAYER_DELAY_S = 1.0  # between the advertising of topics and their first message, so that rviz is connected
 SLACK_S = 60.0  # for the start of programs, beyond the time that playing takes
+RATE, PICTURES_RATE = 4.0, 1.0  # speeds of the bag; the front end keeps up with real time
 FRAME_RATE = 10  # Hz; without a graphics card a frame costs a core up to 30 ms, and nobody watches
 SETTLE_S, SETTLE_LIMIT_S = 2.0, 6.0  # after the last message
 
@@ -57,8 +58,8 @@ def make_parser():
     parser.add_argument("--animation", "--gif", metavar="OUT.gif",
                         help="save an animated picture of the whole bag as well, at most %d px wide" % MAX_ANIMATION_WIDTH)
     parser.add_argument("--no-legend", action="store_true", help="rviz's view alone, without the legend below it")
-    parser.add_argument("--rate", type=float, default=4.0, metavar="N", help="speed of the bag; 1 is real time "
-                        "(default: %(default)s)")
+    parser.add_argument("--rate", type=float, metavar="N", help="speed of the bag; 1 is real time (default: %g, of a "
+                        "drive of pictures %g)" % (RATE, PICTURES_RATE))
     parser.add_argument("--params", metavar="FILE.yaml", help="configuration of slam_node for a drive (default: "
                         "slam.launch's)")
     parser.add_argument("--quiet", action="store_true", help="no report and no progress bar")
@@ -67,7 +68,8 @@ def make_parser():
 
 def check_options(options):
     """InputError for what cannot be done, before anything is started."""
-    checks.require_positive(options.rate, "--rate")
+    if options.rate is not None:
+        checks.require_positive(options.rate, "--rate")
     for value, name in zip(options.size, ("WIDTH", "HEIGHT")):
         if not LIMITS[0] <= value <= LIMITS[1]:
             raise InputError("--size: %s is %d px, allowed: %d to %d" % ((name, value) + LIMITS))
@@ -86,6 +88,7 @@ def player_command(options, offer, displays, folder):
     if offer.is_drive(displays):
         command = [find_program("roslaunch", "python3-roslaunch"), "vi_ekf_slam", "slam.launch", "bag:=" + bag,
                    "rate:=%g" % options.rate, "output_dir:=" + os.path.join(folder, "run")]
+        command += offer.front_end()
         return command + (["config:=" + os.path.abspath(options.params)] if options.params else [])
     shown = sorted({d.topic for d in displays if d.topic in offer.topics} | set(offers.TF_TOPICS))
     return [find_program("rosbag", "python3-rosbag"), "play", "--clock", "--keep-alive", "--quiet",
@@ -194,6 +197,8 @@ def _render(options):
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="render_rviz_"))
         config, displays, offer = prepare_config(options, folder)
+        if options.rate is None:
+            options.rate = PICTURES_RATE if offer.is_drive(displays) and offer.front_end() else RATE
         command = player_command(options, offer, displays, folder)
         environment = stack.enter_context(ros_master(folder))
         set_parameter(environment, "/use_sim_time", True)

@@ -69,6 +69,9 @@ def test_blackout_is_as_long_as_told(dataset, frames):
     empty = [k for k, (ids, _) in enumerate(dark) if len(ids) == 0]
     assert empty == list(range(10, 30))
     assert np.array_equal(dark[30][1], frames[30][1])
+    for start, duration in ((1.0, -3.0), (np.nan, 3.0), (1000.0, 5.0), (1.0, np.nan)):
+        with pytest.raises(InputError, match="--blackout .*: no frame is within it, allowed: a START from 0 to 3.900 s"):
+            degradation.black_out(frames, dataset.stamps, start, duration)
 
 
 def test_good_twist_is_the_true_one_with_noise_of_the_given_size(dataset, truth):

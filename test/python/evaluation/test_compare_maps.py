@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import drive, is_png
 
-from vi_ekf_slam.evaluation.map_comparison import Map, common_place, main, read_tracks
+from vi_ekf_slam.evaluation.map_comparison import Map, common_place, main, read_tracks, zoom_limits
 
 
 def test_tracks_are_those_of_the_bag(bag):
@@ -42,6 +42,12 @@ def test_the_enlarged_part_is_where_all_maps_have_landmarks():
     assert common_place(trajectory, [twice_driven, twice], 20.0).tolist() == [200.0, 0.0]
 
 
+@pytest.mark.parametrize("width, side", [(8.0, 2.0), (400.0, 60.0)])
+def test_the_enlarged_part_is_smaller_than_the_map(run, width, side):
+    (low, high), _ = zoom_limits(None, [Map(str(run))], [(np.zeros((1, 3)), np.array([True]))], ((0.0, width), (0.0, 0.5 * width)))
+    assert high - low == pytest.approx(side)
+
+
 def test_a_picture_is_drawn(run, bag, tmp_path):
     output = tmp_path / "maps.png"
     arguments = [str(run), str(run), "--bag", bag, "--least", "1", "--names", "$^$", "b", "--output", str(output)]
@@ -51,7 +57,7 @@ def test_a_picture_is_drawn(run, bag, tmp_path):
 
 @pytest.mark.parametrize("options, message", [
     (["--output", "maps.pdf"], "ends in .png"), (["--names", "a", "b"], "2 names for 1 runs"),
-    (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--features", "/none"], "has no features on /none"),
+    (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--features", "/none"], "has no features on /none; of pictures, run_bag --save-features"),
     (["--bag", "none.bag"], "no such file")])
 def test_bad_requests_are_refused(run, bag, tmp_path, capsys, options, message):
     assert main([str(run), "--bag", bag, "--output", str(tmp_path / "maps.png")] + options) == 2

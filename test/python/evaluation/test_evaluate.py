@@ -304,7 +304,15 @@ def test_frames_whose_ids_are_all_new_are_explained(full_run):
     assert len(graphs.draw_frames("drive", dict(frames, used=frames["features"])).texts) == 1  # the title
     new = dict(frames, used=0.0 * frames["used"], frame_rejected=0.0 * frames["used"])
     seen = int(np.sum(frames["features"] > 0.0))
-    assert seen and "In %d frames nothing is used" % seen in graphs.draw_frames("drive", new).texts[1].get_text()
+    assert seen > 1 and "In %d frames nothing is used" % (seen - 1) in graphs.draw_frames("drive", new).texts[1].get_text()
+    first = np.where(np.cumsum(frames["features"] > 0.0) > 1, 1.0, 0.0)  # of any drive, in which nothing can be used yet
+    assert len(graphs.draw_frames("drive", dict(new, used=first)).texts) == 1
+
+
+def test_a_name_that_begins_with_an_underscore_is_in_the_legend():
+    line = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    figure = top_view.draw_trajectories("two", [(top_view.plain(name), line, {}) for name in ("_a", "b")])
+    assert [text.get_text().strip() for text in figure.axes[0].get_legend().get_texts()] == ["_a", "b", "start"]
 
 
 def test_a_repeated_run_is_dashed():
@@ -372,6 +380,21 @@ def test_poses_of_a_camera_without_an_imu_are_judged_as_such(full_run, bag):
     (full_run / "summary.yaml").write_text("frames: 8\n")  # taken for the IMU's
     assert script("evaluate.py", full_run, "--bag", bag, "--no-plots").returncode == 0
     assert numbers(full_run)["slam"]["ate_anchored_m"] > 1.0
+
+
+def test_a_bag_without_an_imu_is_judged_by_the_frame_above_its_camera(full_run, bag, tmp_path):
+    """As a sequence of KITTI's odometry is, whose truth the converter turns into poses of the IMU's place all the same."""
+    test_poses_of_a_camera_without_an_imu_are_judged_as_such(full_run, without(bag, tmp_path, "/imu"))
+
+
+def without(bag, folder, left_out):
+    """A copy of a bag that lacks one topic."""
+    copy = str(folder / "less.bag")
+    with rosbag.Bag(bag) as source, rosbag.Bag(copy, "w") as target:
+        for topic, message, time in source.read_messages():
+            if topic != left_out:
+                target.write(topic, message, time)
+    return copy
 
 
 def test_the_imu_of_a_run_may_have_had_any_topic(full_run, bag, tmp_path):

@@ -102,6 +102,18 @@ def test_view_holds_every_trajectory_and_ignores_far_landmarks():
                                   ((x_min, x_max), (y_min, y_max))) == 2
 
 
+def test_view_of_a_room_holds_most_of_its_landmarks():
+    """Which are around the path: a view of the path alone would show hardly any."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 100)
+    circle = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    walls = 4.0 * circle / np.abs(circle).max(axis=1, keepdims=True)
+    far = np.array([[5000.0, 0.0, 0.0]])
+    (x_min, x_max), (y_min, y_max) = limits = top_view.view_limits([circle], landmarks=np.vstack([walls, far]))
+    assert top_view.count_outside(walls, limits) < 20 and x_max - x_min < 9.0 and y_max - y_min < 9.0
+    assert top_view.count_outside(walls, top_view.view_limits([circle])) == 100
+    assert top_view.view_limits([circle], landmarks=far) == top_view.view_limits([circle], landmarks=np.zeros((0, 3)))
+
+
 def texts(figure):
     axes = figure.axes[0]
     return [axes.get_title()] + [t.get_text() for t in axes.texts] + [t.get_text() for t in axes.get_legend().get_texts()]

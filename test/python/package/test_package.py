@@ -93,3 +93,8 @@ def test_results_count_once(tmp_path, files, printed):
     done = script("count_test_results.py", tmp_path)
     assert done.stdout.splitlines()[-1] == printed
     assert done.returncode == (0 if " 0 failed" in printed and not printed.startswith("0 passed") else 1)
+
+
+def test_without_a_directory_the_count_says_how_it_is_used():
+    done = script("count_test_results.py")
+    assert done.returncode == 2 and done.stderr == "usage: count_test_results.py DIRECTORY\n"

@@ -10,6 +10,7 @@ import rosbag
 import yaml
 from conftest import HANG_S, script
 from folders import IMU, asl_folder, kitti_raw_folder
+from roslaunch.config import load_config_default
 
 from vi_ekf_slam.bag.converter import main as convert
 from vi_ekf_slam.common.errors import InputError
@@ -78,6 +79,34 @@ def test_kalibr_says_the_same_as_euroc(rig, second):
     assert kalibr.noise == rig.noise and kalibr.time_offset == -0.004 and rig.time_offset is None
     np.testing.assert_allclose(rig.imu_T_left[:3, 3], [0.1, 0.05, 0.05])  # the left camera is to the left of the IMU
     np.testing.assert_allclose(rig.left_T_right[:3, 3], [0.11, 0.0, 0.0], atol=1e-12)
+
+
+def test_openvins_says_the_same(rig):
+    """Its files begin with OpenCV's `%YAML:1.0`, and most hold T_imu_cam, the inverse of Kalibr's T_cam_imu."""
+    rig, folder = rig
+    cameras = yaml.safe_load(write_camchain(folder, "T_cam_imu").read_text())
+    for camera in cameras.values():
+        camera["T_imu_cam"] = inverse(np.array(camera.pop("T_cam_imu"))).tolist()
+    first = "%YAML:1.0 # need to specify the file type at the top!\n\n"
+    (folder / "chain.yaml").write_text(first + yaml.safe_dump(cameras))
+    (folder / "imu.yaml").write_text(first + yaml.safe_dump({"imu0": yaml.safe_load(KALIBR_IMU)}))
+    found = read_calibration([str(folder / "chain.yaml")], str(folder / "imu.yaml"))
+    assert_same(found, rig)
+    assert found.noise == rig.noise
+
+
+def test_a_camchain_of_cameras_alone_takes_the_extrinsic_that_is_given(rig):
+    """As kalibr_calibrate_cameras writes it, before an IMU is calibrated."""
+    rig, folder = rig
+    cameras = yaml.safe_load(write_camchain(folder).read_text())
+    del cameras["cam0"]["T_cam_imu"]
+    chain, where = folder / "camchain.yaml", folder / "where.yaml"
+    chain.write_text(yaml.safe_dump(cameras))
+    with pytest.raises(InputError, match="cam0: T_cam_imu is missing.*--imu-T-left"):
+        read_calibration([str(chain)])
+    for key in ("imu_T_left", "T_imu_cam"):
+        where.write_text(yaml.safe_dump({key: np.ravel(rig.imu_T_left).tolist()}))
+        assert_same(read_calibration([str(chain)], None, str(where)), rig)
 
 
 def test_camera_calibration_says_the_same_with_the_extrinsic(rig):
@@ -152,7 +181,9 @@ def test_what_is_wrong_is_named(tmp_path, capsys, changes, message):
 @pytest.mark.parametrize("arguments, message", [
     (["--output", "out.txt"], "ends in .launch"), (["--bag", "in.bag"], "--bag needs --output"),
     (["--bag", "in.bag", "--output", "out.launch"], "ends in .bag"), (["--imu", "none.yaml"], "none.yaml: no such file"),
-    (["--output", "out.launch", "--imu-frame", "/imu"], "without a leading slash")])
+    (["--output", "out.launch", "--imu-frame", "/imu"], "without a leading slash"),
+    (["--output", "out.launch", "--imu-frame", "a", "--left-frame", "a"], "are 'a', allowed: three different ones"),
+    (["--output", "out.launch", "--left-frame", "b", "--right-frame", "b"], "are 'b', allowed: three different ones")])
 def test_bad_requests_are_refused(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     assert main([str(write_camchain(tmp_path))] + arguments) == 2
@@ -189,6 +220,23 @@ def test_a_bag_gets_what_the_converter_would_have_written(rig):
     assert (folder / "out.imu.yaml").exists()
     done = script("import_calibration.py", folder / "euroc", "--bag", folder / "whole.bag", "--output", folder / "two.bag")
     assert done.returncode == 2 and "/tf_static already has imu_link -> left_camera_optical" in done.stderr
+
+
+def test_a_bag_whose_imu_has_the_frame_of_a_camera_is_refused(rig):
+    _, folder = rig
+    assert script("dataset_to_bag.py", folder / "euroc", folder / "whole.bag", "--quiet").returncode == 0
+    done = script("import_calibration.py", folder / "euroc", "--bag", folder / "whole.bag", "--output", folder / "out.bag",
+                  "--left-frame", "imu_link")
+    assert done.returncode == 2 and "are 'imu_link', allowed: three different ones" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("name", ["rig & co", "a<b", 'say "a"', "it's", "both ' and \""])
+def test_a_launch_file_of_any_name_is_one(tmp_path, name):
+    (tmp_path / "imu.yaml").write_text(KALIBR_IMU)
+    output = tmp_path / (name + ".launch")
+    assert main([str(write_camchain(tmp_path)), "--imu", str(tmp_path / "imu.yaml"), "--output", str(output)]) == 0
+    config = load_config_default([(str(output), [])], None)
+    assert config.params["/slam/inertial/imu_calibration"].value == str(tmp_path / (name + ".imu.yaml"))
 
 
 LISTENER = """

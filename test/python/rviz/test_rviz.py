@@ -16,7 +16,7 @@ from rviz_scene import Scene, has_colour, is_between_green_and_red, near, read_p
 from sensor_msgs.msg import Image
 
 from vi_ekf_slam.ros.private_ros import child, ros_master
-from vi_ekf_slam.rviz import renderer
+from vi_ekf_slam.rviz import offers, renderer
 from vi_ekf_slam.rviz.session import RvizCrash, RvizSession
 
 SIZE = (900, 600)
@@ -270,6 +270,20 @@ def test_a_drive_is_checked_for_what_it_can_tell(folder, tmp_path):
     done = script("export_rviz_config.py", "--output", tmp_path / "x.rviz", "--bag", folder / "drive.bag",
                "--imu-frame", "b")
     assert done.returncode == 2 and "imu_link" in done.stderr
+
+
+@pytest.mark.parametrize("topics, expected", [
+    (["/left/image/compressed"], ["front_end:=true", "image_transport:=compressed"]),
+    (["/left/image"], ["front_end:=true", "image_transport:=raw"]), (["/left/image", "/features"], [])])
+def test_a_drive_of_pictures_goes_through_the_front_end(tmp_path, topics, expected):
+    path = str(tmp_path / "drive.bag")
+    with rosbag.Bag(path, "w") as bag:
+        for topic in topics:
+            bag.write(topic, Image(), rospy.Time(1))
+    offer = offers.read_bag(path, [])
+    options = renderer.make_parser().parse_args([path, "out.png", "--rate", "2"])
+    command = renderer.player_command(options, offer, [], str(tmp_path))
+    assert offer.is_drive([]) and [word for word in command if word.startswith(("front_end", "image_transport"))] == expected
 
 
 def test_a_running_graph_is_checked(folder, tmp_path):
