@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/front_end/descriptors.hpp"
 #include "vi_ekf_slam/front_end/ego_motion.hpp"
 #include "vi_ekf_slam/front_end/flow.hpp"
@@ -22,6 +24,10 @@ constexpr double kDescribed = 0.2;
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
 constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
 constexpr std::size_t kLittleTexture = 10; // tracks
+// rad/s that a gyro may show at rest, three of the sigmas that the filter takes its bias to have: a camera
+// that is simulated without noise repeats its picture rightly then.
+constexpr double kMostGyroBias = 0.3;
+constexpr double kTurned = 1.0; // px, of which a picture shows that the camera has turned
 // px, RMS over the lives of tracks on recorded drives: a patch hides the shape of what it shows, and that
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
 // is to be told of all of it (docs/front_end.md).
@@ -39,6 +45,15 @@ std::size_t removeTracks(std::vector<Track>& tracks, const Predicate& is_over) {
   return before - tracks.size();
 }
 
+bool isSame(const cv::Mat& a, const cv::Mat& b) {
+  if (a.empty() || a.size() != b.size() || a.type() != b.type()) return false;
+  for (int y = 0; y < a.rows; ++y) { // of two that differ the first row mostly does
+    const auto* row = a.ptr<std::uint8_t>(y);
+    if (!std::equal(row, row + a.cols * static_cast<int>(a.elemSize()), b.ptr<std::uint8_t>(y))) return false;
+  }
+  return true;
+}
+
 bool isDark(const FrontEndReport& report) { return report.brightness < kDark; }
 
 /// Why there is hardly any point, or none that both pictures show. (In the dark corners are of noise.)
@@ -51,20 +66,44 @@ std::string scarcityOf(const FrontEndReport& report) {
   return {};
 }
 
+/// Of a picture: the worse one's, else the left one's.
+std::string faultOf(const FrontEndReport& report) {
+  const bool is_right =
+      report.left == PictureFault::kNone || (isUseless(report.right) && !isUseless(report.left));
+  const PictureFault fault = is_right ? report.right : report.left;
+  if (fault == PictureFault::kNone) return {};
+  return std::string(is_right ? "right" : "left") + " picture: " + describe(fault);
+}
+
 } // namespace
 
 std::string problemOf(const FrontEndReport& report) {
   if (report.stamp_refused) return "its stamp is not later than that of the pair before";
-  const std::string scarcity = scarcityOf(report);
+  const std::string scarcity = scarcityOf(report), fault = faultOf(report);
   // Of the darkest so few grey levels are left that parts look missing.
   if (!scarcity.empty() && isDark(report) && !report.exchanged) return scarcity;
-  if (report.left != PictureFault::kNone) return std::string("left picture: ") + describe(report.left);
-  if (report.right != PictureFault::kNone) return std::string("right picture: ") + describe(report.right);
-  if (report.exchanged) return "left and right look exchanged";
-  if (!scarcity.empty()) return scarcity;
-  if (report.too_late)
-    return "more than 0.5 s after the pair before: all tracks begin anew, as with images at 2 Hz and slower";
-  return {};
+  if (isUseless(report.left) || isUseless(report.right)) return fault;
+  if (report.is_one_picture)
+    return "left and right are the same picture, without disparity (one topic for both)";
+  if (report.is_repeated)
+    return "the same pictures as before, although the gyro turns (a camera that has stopped)";
+  std::string problem;
+  if (report.exchanged) {
+    problem = "left and right look exchanged";
+  } else if (!scarcity.empty()) {
+    problem = scarcity;
+  } else if (report.too_late) {
+    problem =
+        "more than 0.5 s after the pair before: all tracks begin anew, as with images at 2 Hz and slower";
+  }
+  addProblem(problem, fault);
+  return problem;
+}
+
+bool wasUsed(const FrontEndReport& report) {
+  return !(report.stamp_refused || isUseless(report.left) || isUseless(report.right) ||
+           report.is_one_picture || report.is_repeated || report.exchanged || report.without_matches ||
+           report.without_texture || report.too_late);
 }
 
 FrontEnd::FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& options)
@@ -83,13 +122,16 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   constexpr Stamp kMicrosecond = 1000; // ns
   if (next_id_ == 0) next_id_ = 1 + static_cast<FeatureId>(std::max<Stamp>(images.stamp, 0) / kMicrosecond);
   // What a filter takes as the time between them: it hears of pairs that are of no use, too.
-  const double seconds = secondsBetween(newest_stamp_, images.stamp);
+  const Stamp before = newest_stamp_;
+  const double seconds = secondsBetween(before, images.stamp);
   newest_stamp_ = images.stamp;
   Picture left = judgePicture(images.left, calibration_.left.size());
   Picture right = judgePicture(images.right, calibration_.right.size());
   report_.left = left.fault;
   report_.right = right.fault;
   report_.brightness = left.light.mean;
+  report_.is_one_picture = isSame(images.left, images.right);
+  report_.is_repeated = lookRepeated(left, right, before, images.stamp);
   for (Track& track : tracks_) {
     if (track.matched) track.strayed = 0.0; // it has been told
     track.matched = false;
@@ -100,7 +142,8 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   }
   report_.too_late = last_ && seconds > kMaxGap;
   if (has_jumped) last_.reset();
-  if (isUseless(left.fault) || isUseless(right.fault)) return {images.stamp, {}};
+  if (isUseless(left.fault) || isUseless(right.fault) || report_.is_one_picture || report_.is_repeated)
+    return {images.stamp, {}};
   followLight(left.light, images.stamp);
   preparePicture(left, light_);
   preparePicture(right, light_);
@@ -113,6 +156,17 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   summarise(images.stamp);
   describeTracks(left, images.stamp);
   return features(images.stamp, seconds);
+}
+
+/// Whether they show what the pair before shows although the gyro has turned, or had while they did.
+bool FrontEnd::lookRepeated(const Picture& left, const Picture& right, Stamp before, Stamp now) {
+  const bool same = isSame(left.thumbnail, left_shown_) && isSame(right.thumbnail, right_shown_);
+  left_shown_ = left.thumbnail;
+  right_shown_ = right.thumbnail;
+  if (!same) return repeats_ = false;
+  const auto [motion, rotation_known] = motion_.predict(before, now);
+  const double angle = so3::Log(motion.rotation()).norm() - kMostGyroBias * secondsBetween(before, now);
+  return repeats_ = repeats_ || (rotation_known && calibration_.camera.fu * angle > kTurned);
 }
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.

@@ -15,6 +15,10 @@ constexpr double kUnknown = std::numeric_limits<double>::infinity();
 } // namespace
 
 void ImagePairing::add(PendingImage image, Camera& camera) {
+  if (image.stamp == 0) {
+    ++counts_.without_stamp;
+    return;
+  }
   double since = camera.last ? secondsBetween(*camera.last, image.stamp) : kUnknown;
   if (camera.last && image.stamp <= *camera.last) {
     if (secondsBetween(image.stamp, *camera.last) < kPairingJump) {

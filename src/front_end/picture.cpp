@@ -31,8 +31,7 @@ cv::Mat thumbnail(const cv::Mat& image) {
 
 /// What a lost part of a transmission, a covered lens or the sun make: neighbours that are exactly the same,
 /// which the noise of a sensor never makes of block means that are not at an end of the scale.
-PictureFault judge(const cv::Mat& image, Light& light) {
-  const cv::Mat small = thumbnail(image);
+PictureFault judge(const cv::Mat& small, Light& light) {
   const double brightness = cv::mean(small)[0];
   cv::Mat shown = cv::Mat::zeros(small.size(), CV_8UC1);
   int uniform = 0, saturated = 0;
@@ -51,7 +50,7 @@ PictureFault judge(const cv::Mat& image, Light& light) {
   light = {mean[0], contrast[0]};
   const double cells = std::max(1, (small.rows - 1) * (small.cols - 1));
   if (uniform > kAll * cells && brightness < kDark) return PictureFault::kBlack;
-  if (saturated > 0.5 * cells || (uniform > kAll * cells && brightness > kBright))
+  if (saturated > kAll * cells || (uniform > kAll * cells && brightness > kBright))
     return PictureFault::kOverexposed;
   if (uniform > kAll * cells) return PictureFault::kUniform;
   return uniform > kMissing * cells ? PictureFault::kPartlyUniform : PictureFault::kNone;
@@ -92,7 +91,8 @@ Picture judgePicture(const cv::Mat& image, cv::Size size) {
     picture.fault = PictureFault::kWrongSize;
     return picture;
   }
-  picture.fault = judge(image, picture.light);
+  picture.thumbnail = thumbnail(image);
+  picture.fault = judge(picture.thumbnail, picture.light);
   return picture;
 }
 

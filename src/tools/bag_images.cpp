@@ -85,6 +85,7 @@ void BagImages::print(std::ostream& out) const {
       << 100.0 * features / std::max(1.0, tracks_) << " % of the tracks, which are " << std::setprecision(2)
       << life_s_ / pairs << " s old; " << 1e3 * seconds_ / pairs << " ms of CPU a pair" << std::defaultfloat
       << std::endl;
+  for (const auto& [reason, count] : images_.flawed()) out << reason << ": " << count << std::endl;
 }
 
 } // namespace vi_ekf_slam

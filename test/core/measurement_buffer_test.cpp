@@ -131,6 +131,23 @@ TEST(MeasurementBuffer, ASlowStreamLosesNothing) {
   EXPECT_TRUE(std::is_sorted(released.begin(), released.end()));
 }
 
+TEST(MeasurementBuffer, AStreamThatLosesHalfOfItsSamplesAtRandomHasOneInTwentyLateAtMost) {
+  MeasurementBuffer buffer(options());
+  Random random(3);
+  std::vector<Key> released;
+  int sent = 0, late = 0;
+  for (Stamp t = 0; t <= 200000 * kMs; t += 10 * kMs) { // of frames 20 ms after their stamps, at 10 Hz
+    if (t % (100 * kMs) == 20 * kMs && random.uniform(0.0, 1.0) < 0.5) {
+      ++sent;
+      late += buffer.add(make(Stream::kStereo, t - 20 * kMs)) == Verdict::kLate ? 1 : 0;
+    }
+    buffer.add(make(Stream::kImu, t));
+    popInto(buffer, released);
+  }
+  EXPECT_GT(sent, 900);
+  EXPECT_LE(late, sent / 20);
+}
+
 TEST(MeasurementBuffer, AStreamThatStopsDelaysTheOthersByAtMostMaxDelayPlusItsPeriodAndOnlyOnce) {
   MeasurementBuffer buffer(options());
   std::vector<Key> released;

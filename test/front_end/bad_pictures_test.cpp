@@ -59,6 +59,16 @@ TEST_F(BadPictures, overexposed) {
                  "left picture: overexposed");
 }
 
+TEST_F(BadPictures, a_sky_that_is_saturated_is_a_part_that_is_missing) {
+  for (int k = 0; k < 5; ++k) {
+    StereoImages images = look();
+    for (cv::Mat* image : {&images.left, &images.right}) image->rowRange(0, 132).setTo(255);
+    EXPECT_GT(front_end_.process(images).features.size(), kCount / 5);
+    EXPECT_TRUE(wasUsed(front_end_.report()));
+    EXPECT_EQ("left picture: partly missing (of one brightness)", problemOf(front_end_.report()));
+  }
+}
+
 TEST_F(BadPictures, covered) {
   expectSurvived([](StereoImages& i) { i.right.setTo(120); }, "right picture: of one brightness");
 }
@@ -78,6 +88,7 @@ TEST_F(BadPictures, half_missing) {
   const StereoFrame half = front_end_.process(images);
   EXPECT_EQ(PictureFault::kPartlyUniform, front_end_.report().left);
   EXPECT_NE(std::string::npos, problemOf(front_end_.report()).find("partly missing"));
+  EXPECT_TRUE(wasUsed(front_end_.report()));
   EXPECT_GT(half.features.size(), kCount / 5);
   for (const auto& f : half.features) EXPECT_LT(f.pixels[1], 125.0);
   front_end_.process(look());
@@ -123,6 +134,55 @@ TEST_F(BadPictures, left_and_right_exchanged) {
     EXPECT_TRUE(front_end_.report().exchanged);
   }
   EXPECT_EQ("left and right look exchanged", problemOf(front_end_.report()));
+}
+
+TEST_F(BadPictures, left_and_right_exchanged_of_which_a_part_is_missing) {
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    for (cv::Mat* image : {&images.left, &images.right}) image->rowRange(0, 100).setTo(0);
+    std::swap(images.left, images.right);
+    front_end_.process(images);
+    EXPECT_EQ("left and right look exchanged; left picture: partly missing (of one brightness)",
+              problemOf(front_end_.report()));
+    EXPECT_FALSE(wasUsed(front_end_.report()));
+  }
+}
+
+TEST_F(BadPictures, the_same_one_left_and_right) {
+  expectSurvived([](StereoImages& i) { i.right = i.left.clone(); },
+                 "left and right are the same picture, without disparity");
+}
+
+class RepeatedPictures : public BadPictures {
+ protected:
+  /// The features of ten pairs that show one and the same while the gyro tells this rate, rad/s.
+  std::size_t repeat(double rate) {
+    front_end_.setImuRotation(Eigen::Matrix3d::Identity());
+    const StereoImages shown = look();
+    std::size_t features = 0;
+    for (int k = 0; k < 10; ++k, ++frame_) {
+      front_end_.addImu({stamp() - 50'000'000, {0.0, rate, 0.0}, {}});
+      front_end_.addImu({stamp(), {0.0, rate, 0.0}, {}});
+      const StereoFrame frame = front_end_.process({stamp(), shown.left.clone(), shown.right.clone()});
+      if (k > 0) features += frame.features.size();
+    }
+    return features;
+  }
+};
+
+TEST_F(RepeatedPictures, are_of_no_use_while_the_gyro_turns) {
+  EXPECT_EQ(0u, repeat(0.5));
+  EXPECT_EQ("the same pictures as before, although the gyro turns (a camera that has stopped)",
+            problemOf(front_end_.report()));
+  EXPECT_FALSE(wasUsed(front_end_.report()));
+  EXPECT_EQ(0u, repeat(0.5)); // of another one
+  front_end_.process(look());
+  EXPECT_EQ("", problemOf(front_end_.report()));
+}
+
+TEST_F(RepeatedPictures, are_right_at_rest_whatever_the_bias_of_the_gyro) {
+  EXPECT_GT(repeat(0.3), 9 * kCount / 2);
+  EXPECT_EQ("", problemOf(front_end_.report()));
 }
 
 TEST_F(BadPictures, left_and_right_exchanged_later_on) {

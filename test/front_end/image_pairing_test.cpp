@@ -57,6 +57,17 @@ TEST_F(Pairing, counts_the_images_of_a_camera_whose_partner_is_silent) {
   EXPECT_EQ(17u, pairing_.counts().left_alone); // the last 0.2 s may still get one
 }
 
+TEST_F(Pairing, turns_away_what_has_no_stamp) {
+  pairing_.expectGyro(false);
+  for (int i = 0; i < 3; ++i) {
+    pairing_.addLeft(at(0.0));
+    pairing_.addRight(at(0.0));
+  }
+  EXPECT_TRUE(popAll().empty());
+  EXPECT_EQ(6u, pairing_.counts().without_stamp);
+  EXPECT_EQ(0u, pairing_.counts().disordered);
+}
+
 TEST_F(Pairing, holds_a_pair_until_the_gyro_has_reported_up_to_it) {
   for (const double t : {1.0, 1.1}) {
     pairing_.addLeft(at(t));

@@ -60,6 +60,18 @@ TEST(ImageDecoder, scales_16_bits_by_those_that_are_in_use) {
   }
 }
 
+TEST(ImageDecoder, reads_16_bits_in_either_order_of_bytes) {
+  for (const std::string& encoding :
+       {encodings::MONO16, encodings::TYPE_16UC1, encodings::BGR16, encodings::BAYER_RGGB16}) {
+    SCOPED_TRACE(encoding);
+    auto message = boost::make_shared<sensor_msgs::Image>(*ramp(encoding, 256));
+    message->is_bigendian = 1;
+    for (std::size_t i = 0; i < message->data.size(); i += 2)
+      std::swap(message->data[i], message->data[i + 1]);
+    expectRamp(ImageDecoder().decode(sensor_msgs::ImageConstPtr(message)), 5.0);
+  }
+}
+
 TEST(ImageDecoder, keeps_its_scale_when_the_picture_gets_darker) {
   ImageDecoder decoder;
   decoder.decode(ramp(encodings::MONO16, 256));
@@ -239,6 +251,102 @@ TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_s
   other.header.frame_id = "other";
   calibration.addLeft(other);
   EXPECT_EQ("left_optical", calibration.leftFrame());
+}
+
+class OfNoUse : public testing::Test {
+ protected:
+  OfNoUse() {
+    images_.addLeftInfo(info(false));
+    images_.addRightInfo(info(true));
+    cv::Mat noise(480, 700, CV_8U);
+    cv::RNG(4).fill(noise, cv::RNG::UNIFORM, 0, 256);
+    cv::GaussianBlur(noise, noise, {}, 2.0);
+    cv::normalize(noise, noise, 20, 235, cv::NORM_MINMAX);
+    noise_ = noise;
+  }
+
+  /// A wall 25 m away at pair k; `spoil` may change the message.
+  template <typename Spoil>
+  void send(int k, const Spoil& spoil) {
+    for (const bool is_left : {true, false}) {
+      const cv::Mat picture = noise_(cv::Rect(is_left ? 10 : 20, 0, 640, 480)).clone();
+      auto message = boost::make_shared<sensor_msgs::Image>();
+      message->header.stamp = ros::Time(1.0 + 0.1 * k);
+      message->encoding = encodings::MONO8;
+      message->height = 480;
+      message->width = message->step = 640;
+      message->data.assign(picture.datastart, picture.dataend);
+      if (!spoil(*message, is_left)) continue;
+      is_left ? images_.addLeft(sensor_msgs::ImageConstPtr(message))
+              : images_.addRight(sensor_msgs::ImageConstPtr(message));
+    }
+    while (images_.processNext()) continue;
+  }
+
+  static InputTopics noImu() {
+    InputTopics topics;
+    topics.imu.clear();
+    return topics;
+  }
+
+  cv::Mat noise_;
+  std::uint64_t features_ = 0;
+  ImageIntake images_{FullConfig(), noImu(),
+                      [this](const StereoFeatureArray& f) { features_ += f.features.size(); }};
+};
+
+TEST_F(OfNoUse, a_part_that_is_missing_is_told_of_and_not_blamed) {
+  for (int k = 0; k < 4; ++k) {
+    send(k, [](sensor_msgs::Image& m, bool) {
+      std::fill(m.data.begin(), m.data.begin() + 640 * 200, 255);
+      return true;
+    });
+  }
+  EXPECT_GT(features_, 100u);
+  EXPECT_EQ("", images_.mostlyWrong());
+  EXPECT_TRUE(images_.turnedAway().empty());
+  EXPECT_EQ((std::map<std::string, std::uint64_t>{
+                {"images used: left picture: partly missing (of one brightness)", 4}}),
+            images_.flawed());
+}
+
+TEST_F(OfNoUse, an_encoding_that_cannot_be_decoded_is_the_one_cause) {
+  for (int k = 0; k < 4; ++k) {
+    send(k, [](sensor_msgs::Image& m, bool) {
+      m.encoding = "8UC3";
+      m.step *= 3;
+      m.data.resize(3 * m.data.size());
+      return true;
+    });
+  }
+  EXPECT_NE(std::string::npos, images_.mostlyWrong().find("8UC3")) << images_.mostlyWrong();
+  EXPECT_NE(std::string::npos, images_.lastProblem().find("8UC3"));
+  for (const auto& [reason, count] : images_.turnedAway())
+    EXPECT_NE(std::string::npos, reason.find("8UC3")) << reason << count;
+}
+
+TEST_F(OfNoUse, most_images_without_a_partner_are_named) {
+  for (int k = 0; k <= 16; ++k)
+    send(k, [k](sensor_msgs::Image&, bool is_left) { return is_left || k % 4 == 0; });
+  EXPECT_EQ("images: left without a right one: 12 of 17", images_.mostlyWrong());
+}
+
+TEST_F(OfNoUse, a_camera_of_half_the_rate_is_not_blamed) {
+  for (int k = 0; k <= 8; ++k)
+    send(k, [k](sensor_msgs::Image&, bool is_left) { return is_left || k % 2 == 0; });
+  EXPECT_EQ("", images_.mostlyWrong());
+  EXPECT_EQ(4u, images_.turnedAway()["images: left without a right one"]);
+}
+
+TEST_F(OfNoUse, images_without_stamps_are_named) {
+  for (int k = 0; k < 4; ++k) {
+    send(k, [](sensor_msgs::Image& m, bool) {
+      m.header.stamp = ros::Time();
+      return true;
+    });
+  }
+  EXPECT_EQ("their header.stamp is 0", images_.problem());
+  EXPECT_EQ(8u, images_.turnedAway()["images: without a stamp"]);
 }
 
 TEST(PairCalibration, has_the_IMU_frame_that_it_is_told) {

@@ -28,6 +28,8 @@ struct FrontEndReport {
   bool stamp_refused = false;   ///< not later than the pair before: nothing was done
   bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
   bool too_late = false;        ///< more than tracks are bridged after the pair before
+  bool is_one_picture = false;  ///< left and right are the same, bit for bit
+  bool is_repeated = false;     ///< the pictures of the pair before, although the gyro says that it turns
   bool exchanged = false;       ///< left and right look exchanged
   bool without_matches = false; ///< hardly any point of the left picture is found in the right one
   bool without_texture = false; ///< hardly anything to follow in the left picture (dark, blurred, empty)
@@ -43,6 +45,8 @@ struct FrontEndReport {
 
 /// What is wrong with the pair, in words; empty: nothing.
 std::string problemOf(const FrontEndReport& report);
+/// Whether it was used as any other: what is wrong with it, if anything, is a part that is missing.
+bool wasUsed(const FrontEndReport& report);
 
 struct FrontEndOptions {
   std::size_t features = 130; ///< tracks that are kept up
@@ -78,6 +82,7 @@ class FrontEnd {
 
   /// Since the last pair that was of use; 0 before the first.
   double secondsSinceLast(Stamp stamp) const { return last_ ? secondsBetween(last_->stamp, stamp) : 0.0; }
+  bool lookRepeated(const Picture& left, const Picture& right, Stamp before, Stamp now);
   void followLight(const Light& light, Stamp stamp);
   std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
   std::vector<bool> find(const Picture& left, const std::vector<TrackPrediction>& predictions);
@@ -96,8 +101,10 @@ class FrontEnd {
   StereoMatcher matcher_;
   MotionPredictor motion_;
   std::optional<Last> last_;
-  Light light_;            ///< of all pictures, once they are prepared
-  Stamp newest_stamp_ = 0; ///< of any pair
+  Light light_;                      ///< of all pictures, once they are prepared
+  Stamp newest_stamp_ = 0;           ///< of any pair
+  cv::Mat left_shown_, right_shown_; ///< thumbnails of any pair
+  bool repeats_ = false;
   bool exchanged_ = false;
   /// Counts up from the first pair's stamp in us, so that a map of an earlier start has other ids.
   FeatureId next_id_ = 0;

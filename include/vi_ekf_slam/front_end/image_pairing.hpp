@@ -21,8 +21,8 @@ struct PendingPair {
 };
 
 /// Pairs left and right images by their stamps and holds each pair until the gyro has reported up to it. What
-/// comes out depends on the stamps alone, not on the order in which left, right and gyro arrive; and what has
-/// no partner is counted. (message_filters' synchronisers do neither.)
+/// comes out depends on the stamps alone, not on the order in which left, right and gyro arrive, each in an
+/// order of its own; and what has no partner is counted. (message_filters' synchronisers do neither.)
 class ImagePairing {
  public:
   struct Options {
@@ -35,6 +35,7 @@ class ImagePairing {
 
   struct Counts {
     std::uint64_t left_alone = 0, right_alone = 0; ///< no partner
+    std::uint64_t without_stamp = 0;               ///< stamp 0: nobody has set it
     std::uint64_t disordered = 0;                  ///< not later than the one before of its camera
     std::uint64_t without_gyro = 0;                ///< pairs that waited for it in vain
     std::uint64_t shed = 0;                        ///< pairs given up for newer ones, or as time was set back

@@ -28,6 +28,7 @@ struct Light {
 /// before and the one after.
 struct Picture {
   cv::Mat image;
+  cv::Mat thumbnail;            ///< block means; empty where the size is wrong
   std::vector<cv::Mat> pyramid; ///< cv::buildOpticalFlowPyramid, with derivatives
   Light light;
   PictureFault fault = PictureFault::kNone;

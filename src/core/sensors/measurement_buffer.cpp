@@ -25,7 +25,11 @@ MeasurementBuffer::Verdict MeasurementBuffer::add(Measurement measurement) {
 
 void MeasurementBuffer::StreamClock::reach(Stamp stamp) {
   if (reached && stamp <= *reached) return;
-  if (reached) period_s = std::min(secondsBetween(*reached, stamp), kMaxPeriodS);
+  if (reached) {
+    intervals_s.push_back(secondsBetween(*reached, stamp));
+    if (intervals_s.size() > kIntervals) intervals_s.pop_front();
+    period_s = std::min(*std::max_element(intervals_s.begin(), intervals_s.end()), kMaxPeriodS);
+  }
   reached = stamp;
 }
 

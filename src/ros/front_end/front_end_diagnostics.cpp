@@ -32,8 +32,10 @@ void FrontEndDiagnostics::images(Status& status) {
     status.summary(DiagnosticStatus::WARN, "no pair of images yet");
   } else if (*silence > kSilence) {
     status.summaryf(DiagnosticStatus::WARN, "no pair of images for %.1f s", *silence);
-  } else if (const std::string fault = problemOf(intake_.frontEnd()->report()); !fault.empty()) {
+  } else if (const std::string& fault = intake_.lastProblem(); !intake_.lastWasUsed()) {
     status.summary(DiagnosticStatus::WARN, fault);
+  } else if (!fault.empty()) {
+    status.summary(DiagnosticStatus::OK, "used, " + fault);
   } else {
     status.summary(DiagnosticStatus::OK, "good");
   }
@@ -78,6 +80,7 @@ void FrontEndDiagnostics::dropped(Status& status) {
     status.add(reason, count);
     total += count;
   }
+  for (const auto& [reason, count] : intake_.flawed()) status.add(reason, count);
   if (total > reported_) {
     status.summary(DiagnosticStatus::WARN, "images were of no use, or came too fast");
   } else {

@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace vi_ekf_slam {
 
@@ -20,6 +21,18 @@ cv::Mat read(const sensor_msgs::CompressedImage& message, int how) {
   if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
     throw std::runtime_error("a compressed image that cannot be decoded, format '" + message.format + "'");
   return image;
+}
+
+/// cv_bridge makes of 16 bits in the other order of bytes an image of 8 bits, twice as wide.
+sensor_msgs::ImageConstPtr inOurByteOrder(const sensor_msgs::ImageConstPtr& message) {
+  constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
+  if (encodings::bitDepth(message->encoding) != 16 || (message->is_bigendian != 0) == kIsBigEndian)
+    return message;
+  auto swapped = boost::make_shared<sensor_msgs::Image>(*message);
+  for (std::size_t i = 0; i + 1 < swapped->data.size(); i += 2)
+    std::swap(swapped->data[i], swapped->data[i + 1]);
+  swapped->is_bigendian = kIsBigEndian;
+  return swapped;
 }
 
 /// The grey that a raw image of this encoding gives. JPEG has 8 bits whatever it was made of.
@@ -43,7 +56,8 @@ cv::Mat ImageDecoder::toEightBits(const cv::Mat& image) {
   return eight;
 }
 
-cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& message) {
+cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& sent) {
+  const sensor_msgs::ImageConstPtr message = inOurByteOrder(sent);
   const std::string& encoding = message->encoding;
   const bool is_grey = encoding == encodings::MONO8 || encoding == encodings::TYPE_8UC1 ||
                        encoding == encodings::MONO16 || encoding == encodings::TYPE_16UC1;

@@ -10,6 +10,9 @@ namespace {
 
 constexpr std::size_t kMostEarly = 20000; // samples
 constexpr std::size_t kMostReasons = 50;  // what writes another one each time is not to fill the memory
+constexpr const char* kImages = "images: ";
+constexpr const char* kLeftAlone = "images: left without a right one";
+constexpr const char* kRightAlone = "images: right without a left one";
 
 double threadSeconds() {
   timespec time{};
@@ -89,7 +92,8 @@ cv::Mat ImageIntake::decode(const PendingImage& image, const char* side) {
   try {
     return image.decode();
   } catch (const std::exception& e) {
-    const std::string reason = std::string("images: ") + side + ": " + e.what();
+    last_problem_ = std::string(side) + ": " + e.what();
+    const std::string reason = kImages + last_problem_;
     if (counts_.turned_away.size() < kMostReasons || counts_.turned_away.count(reason) > 0)
       ++counts_.turned_away[reason];
     return {};
@@ -106,14 +110,21 @@ bool ImageIntake::process(std::optional<PendingPair> pair) {
     waits_for_rotation_ = false;
     updateHold();
   }
+  last_problem_.clear();
   const StereoImages images{pair->left.stamp, decode(pair->left, "left"), decode(pair->right, "right")};
   const double start = threadSeconds();
   const StereoFrame frame = front_end_->process(images);
   last_seconds_ = threadSeconds() - start;
   ++counts_.pairs;
   counts_.features += frame.features.size();
-  if (const std::string reason = problemOf(front_end_->report()); !reason.empty())
-    ++counts_.turned_away["images: " + reason];
+  if (last_problem_.empty()) { // else they could not be decoded, and are of no size
+    last_problem_ = problemOf(front_end_->report());
+    last_was_used_ = wasUsed(front_end_->report());
+    if (!last_problem_.empty() && last_was_used_) ++counts_.flawed["images used: " + last_problem_];
+    if (!last_was_used_) ++counts_.turned_away[kImages + last_problem_];
+  } else {
+    last_was_used_ = false;
+  }
   if (!front_end_->report().stamp_refused) handlers_.features(conversions::toMessage(frame, leftFrame()));
   if (handlers_.pair) handlers_.pair(images, *front_end_);
   return true;
@@ -121,6 +132,7 @@ bool ImageIntake::process(std::optional<PendingPair> pair) {
 
 std::string ImageIntake::problem() const {
   const ImagePairing::Counts& counts = pairing_.counts();
+  if (counts_.pairs == 0 && counts.without_stamp > 0) return "their header.stamp is 0";
   if (front_end_ && counts_.pairs == 0 && counts.left_alone > 0 && counts.right_alone > 0)
     return "the stamps of left and right images differ by more than " + rounded(config_.pair_tolerance_s) +
            " s (front_end/pair_tolerance_s); are both cameras triggered at once?";
@@ -128,11 +140,18 @@ std::string ImageIntake::problem() const {
 }
 
 std::string ImageIntake::mostlyWrong() const {
+  const std::uint64_t pairs = counts_.pairs;
+  if (pairs == 0) return {};
+  const auto say = [](const std::string& reason, std::uint64_t count, std::uint64_t all) {
+    return reason + ": " + std::to_string(count) + " of " + std::to_string(all);
+  };
   for (const auto& [reason, count] : counts_.turned_away) {
-    if (counts_.pairs > 0 && 2 * count > counts_.pairs)
-      return reason + ": " + std::to_string(count) + " of " + std::to_string(counts_.pairs) + " pairs";
+    if (2 * count > pairs) return say(reason, count, pairs) + " pairs";
   }
-  return {};
+  const ImagePairing::Counts& counts = pairing_.counts();
+  const std::uint64_t left = counts.left_alone, right = counts.right_alone;
+  if (left + right <= 2 * pairs) return {}; // as where one camera has half the rate of the other
+  return left >= right ? say(kLeftAlone, left, left + pairs) : say(kRightAlone, right, right + pairs);
 }
 
 std::map<std::string, std::uint64_t> ImageIntake::turnedAway() const {
@@ -141,8 +160,9 @@ std::map<std::string, std::uint64_t> ImageIntake::turnedAway() const {
   const auto add = [&all](const char* reason, std::uint64_t count) {
     if (count > 0) all[reason] += count;
   };
-  add("images: left without a right one", counts.left_alone);
-  add("images: right without a left one", counts.right_alone);
+  add(kLeftAlone, counts.left_alone);
+  add(kRightAlone, counts.right_alone);
+  add("images: without a stamp", counts.without_stamp);
   add("images: not later than the one before", counts.disordered);
   add("images: pairs without gyro samples", counts.without_gyro);
   add("images: pairs given up for newer ones", counts.shed);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <optional>
 #include <utility>
@@ -14,14 +15,14 @@ namespace vi_ekf_slam {
 ///
 /// A measurement is due when no stream that is still alive can bring an older one: every live stream has
 /// delivered up to its stamp. A stream is alive while it lags the newest stamp by at most `max_delay` plus
-/// its period, which is the time between its last two samples, at most `kMaxPeriodS`, and as long as that
-/// before it has sent two.
+/// its period, which is the longest of its last `kIntervals` intervals, at most `kMaxPeriodS`, and as long as
+/// that before it has sent two.
 ///
 /// What comes out depends on the stamps alone, never on the order in which the streams arrive, and nothing is
 /// lost, as long as
 /// - each stream keeps its own order: what a stream sends after a newer sample of its own may be late;
-/// - no measurement arrives later than `max_delay` after its stamp. Where a stream's period varies, what it
-///   grows by from one sample to the next counts as delay, and so does what exceeds `kMaxPeriodS`;
+/// - no measurement arrives later than `max_delay` after its stamp. Where a stream's intervals vary, what one
+///   exceeds the period by counts as delay, and so does what exceeds `kMaxPeriodS`;
 /// - the streams begin within `kMaxPeriodS` of each other.
 /// A stream that stops delays the others once and by no more than `max_delay` plus its period. When it
 /// returns it may lose one sample, which is late but counts as a sign of life.
@@ -29,6 +30,9 @@ class MeasurementBuffer {
  public:
   /// s; no stream's next sample is waited for longer than this plus `max_delay`.
   static constexpr double kMaxPeriodS = 1.0;
+  /// Of a stream that loses samples at random: the next interval is longer than all of the last 19 in one
+  /// case of 20, whatever their distribution.
+  static constexpr std::size_t kIntervals = 19;
 
   struct Options {
     double max_delay_s = 0.2; ///< s of sensor time that a measurement may arrive after its stamp; > 0
@@ -77,6 +81,7 @@ class MeasurementBuffer {
   struct StreamClock {
     std::optional<Stamp> reached; ///< the newest stamp of the stream, be it accepted or late
     double period_s = kMaxPeriodS;
+    std::deque<double> intervals_s; ///< the last ones, oldest first
 
     void reach(Stamp stamp);
   };

@@ -78,6 +78,11 @@ class ImageIntake {
   double lastSeconds() const { return last_seconds_; }
   /// Images and pairs that were of no or little use, by "images: reason".
   std::map<std::string, std::uint64_t> turnedAway() const;
+  /// Pairs that were used although a part of a picture is missing, by "images used: what".
+  const std::map<std::string, std::uint64_t>& flawed() const { return counts_.flawed; }
+  /// What is wrong with the last pair, in words; empty: nothing.
+  const std::string& lastProblem() const { return last_problem_; }
+  bool lastWasUsed() const { return last_was_used_; }
 
  private:
   struct Handlers {
@@ -87,7 +92,7 @@ class ImageIntake {
   };
   struct Counts {
     std::uint64_t pairs = 0, features = 0;
-    std::map<std::string, std::uint64_t> turned_away;
+    std::map<std::string, std::uint64_t> turned_away, flawed;
   };
 
   template <typename MessagePtr>
@@ -108,6 +113,8 @@ class ImageIntake {
   std::unique_ptr<FrontEnd> front_end_;
   Counts counts_;
   double last_seconds_ = 0.0;
+  std::string last_problem_;
+  bool last_was_used_ = true;
 };
 
 } // namespace vi_ekf_slam
