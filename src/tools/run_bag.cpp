@@ -33,6 +33,25 @@ constexpr int kInput = 2;
 
 volatile std::sig_atomic_t g_stop = 0;
 
+/// Of the first stream whose most messages were dropped for their stamps.
+std::string droppedProblem(const SystemCounts& counts, const MeasurementBuffer::Options& buffer) {
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    const std::uint64_t strays = counts.behind[i] + counts.ahead[i], dropped = counts.late[i] + strays;
+    if (dropped <= counts.processed[i]) continue;
+    std::string why;
+    if (counts.late[i] > 0)
+      addProblem(why, "they come more than " + rounded(buffer.max_delay_s) +
+                          " s (buffer/max_delay_s) later after their stamps than another stream");
+    if (strays > 0)
+      addProblem(why, std::to_string(strays) + " have stamps more than " + rounded(buffer.max_jump_s) +
+                          " s (buffer/max_jump_s) away from all others");
+    return std::string(kSensorNames[i]) + ": " + std::to_string(dropped) + " of " +
+           std::to_string(dropped + counts.processed[i]) + " messages were dropped: " + why +
+           "; are all stamps of one clock? (check_rig.py tells more)";
+  }
+  return {};
+}
+
 /// What went wrong with the input as a whole, if anything.
 std::string inputProblem(const SlamSystem& system, const Intake& intake, const RunWriter& writer) {
   if (const std::string missing = intake.missingInputs(); !missing.empty()) {
@@ -42,18 +61,11 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   if (system.needsRig() && !system.hasRig() && system.counts().frames_without_rig > 0) {
     return "features were not used: " + intake.rigAssembler().problem();
   }
+  if (const std::string dropped = droppedProblem(system.counts(), system.config().buffer); !dropped.empty())
+    return dropped;
   if (const std::string start = system.estimator().startProblem(); !start.empty())
     return "no pose: the estimator did not start: " + start;
   if (writer.empty()) return "no message gave a pose";
-  const SystemCounts counts = system.counts();
-  for (std::size_t i = 0; i < kStreamCount; ++i) {
-    if (counts.late[i] <= counts.processed[i]) continue;
-    return std::string(kSensorNames[i]) + ": " + std::to_string(counts.late[i]) + " of " +
-           std::to_string(counts.late[i] + counts.processed[i]) +
-           " messages were dropped: they come more than " + rounded(system.config().buffer.max_delay_s) +
-           " s (buffer/max_delay_s) later after their stamps than another stream; are all stamps of one "
-           "clock? (check_rig.py tells more)";
-  }
   return {};
 }
 
@@ -63,6 +75,16 @@ std::string chiefOf(const std::map<std::string, std::uint64_t>& turned_away) {
                                      [](const auto& a, const auto& b) { return a.second < b.second; });
   if (most == turned_away.end()) return {};
   return "; turned away: " + most->first + ": " + std::to_string(most->second);
+}
+
+/// A calibration that is refined by what it was estimated from is no better for it.
+void warnOfTheSameRecording(const RigVariables::Options& rig, const Eigen::Vector2d& now) {
+  if (!rig.known || !rig.isEstimated()) return;
+  const Eigen::Vector2d& then = rig.known->recording;
+  if (!(then[1] > 0.0 && then[0] < now[1] && now[0] < then[1])) return;
+  std::cerr << "run_bag: calibration/file was estimated from stamps that this bag has too: if it is the same "
+               "recording, what it tells is counted twice, and the sigmas found are too small"
+            << std::endl;
 }
 
 /// Names the images of one camera where the bag has none of the other one.
@@ -83,9 +105,11 @@ void printSummary(const RunBagOptions& options, const RunWriter& writer, const R
   for (const auto& [reason, count] : summary.turned_away)
     std::cout << "turned away: " << reason << ": " << count << "\n";
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    if (c.late[i] + c.duplicate[i] + c.invalid[i] == 0) continue;
+    const std::uint64_t strays = c.behind[i] + c.ahead[i];
+    if (c.late[i] + c.duplicate[i] + c.invalid[i] + strays == 0) continue;
     std::cout << kSensorNames[i] << ": " << c.late[i] << " late, " << c.duplicate[i] << " duplicate, "
-              << c.invalid[i] << " invalid\n";
+              << c.invalid[i] << " invalid, " << c.behind[i] << " behind and " << c.ahead[i]
+              << " ahead of all others\n";
   }
   if (c.resets > 0) std::cout << c.resets << " resets, as told above\n";
   const auto earlier = writer.earlierSizes();
@@ -224,8 +248,11 @@ int run(const RunBagOptions& options) {
   summary.body = intake.imuFrame();
   writer.write(options.output, summary, estimate);
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
-  if (!options.save_calibration.empty())
+  if (!options.save_calibration.empty()) {
+    summary.rig->recording = writer.recording();
     writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
+  }
+  warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
   if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
   if (!options.load_map.empty() && system.counts().relocalisations == 0)
     std::cerr << "run_bag: the place in " << options.load_map

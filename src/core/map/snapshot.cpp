@@ -8,6 +8,7 @@
 
 #include "vi_ekf_slam/core/filter/symmetric.hpp"
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
+#include "vi_ekf_slam/core/observation/rig_variables.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -17,30 +18,38 @@ constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be wor
 // inverse depth can send a far point farther yet by a factor of five, its variance by 5^4, and rounding
 // beside such numbers would be the other landmarks' errors.
 constexpr double kVaguest = 1e3;
+constexpr double kSameRig = 1e-6; // 1 and m: what a launch file's digits leave of one
 
-/// The filter's variable of this name and size.
-std::optional<Handle> find(const SavedVariable& variable, const Filter& filter) {
+/// The filter's variable of this name and size; without `corrections` not where it is one of the rig's.
+std::optional<Handle> find(const SavedVariable& variable, const Filter& filter, bool corrections) {
+  if (!corrections && RigVariables::isCorrection(variable.name)) return std::nullopt;
   const auto handle = filter.variables().find(variable.name);
   return handle && filter.variables().sizeOf(*handle) == variable.mean.size() ? handle : std::nullopt;
 }
 
 /// (m x n) 1 where a row of the map's covariance, of m before the landmarks, is one of the filter's n.
-Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter) {
+Eigen::MatrixXd sameRows(const SavedMap& map, const Filter& filter, bool corrections = true) {
   Eigen::MatrixXd same = Eigen::MatrixXd::Zero(map.base(), filter.rows());
   same.topLeftCorner<6, 6>().setIdentity();
   Eigen::Index row = 6;
   for (const SavedVariable& variable : map.variables) {
     const Eigen::Index size = variable.mean.size();
-    if (const auto handle = find(variable, filter))
+    if (const auto handle = find(variable, filter, corrections))
       same.block(row, filter.rowOf(*handle), size, size).setIdentity();
     row += size;
   }
   return same;
 }
 
+bool hasCorrections(const SavedMap& map) {
+  return std::any_of(map.variables.begin(), map.variables.end(),
+                     [](const SavedVariable& v) { return RigVariables::isCorrection(v.name); });
+}
+
 } // namespace
 
-SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
+SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp,
+                    const std::optional<StereoRig>& given) {
   filter.settle();
   // Landmarks in view are saved as if they left now.
   for (std::size_t i = landmarks.active().size(); i-- > 0;) {
@@ -63,6 +72,8 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   map.world_T_imu = filter.pose();
   for (const auto& [name, handle] : filter.variables().named())
     map.variables.push_back({name, filter.variables().mean(handle)});
+  if (given && hasCorrections(map))
+    map.variables.push_back({RigVariables::kGivenRig, RigVariables::numbersOf(*given)});
   const InactiveStore& inactive = filter.inactive();
   std::vector<Eigen::Index> rows; // of those that are saved, in the store
   for (std::size_t i = 0; i < inactive.size(); ++i) {
@@ -96,14 +107,25 @@ SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp) {
   return map;
 }
 
-void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks) {
+bool correctsRig(const SavedMap& map, const std::optional<StereoRig>& given) {
+  if (!hasCorrections(map)) return true;
+  const auto of = std::find_if(map.variables.begin(), map.variables.end(),
+                               [](const SavedVariable& v) { return v.name == RigVariables::kGivenRig; });
+  if (!given || of == map.variables.end()) return false;
+  const auto now = RigVariables::numbersOf(*given);
+  return of->mean.size() == now.size() && (of->mean - now).cwiseAbs().maxCoeff() < kSameRig;
+}
+
+void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks,
+             const std::optional<StereoRig>& given) {
   const Eigen::MatrixXd P = loadedCovariance(map, map.covariance.topLeftCorner<6, 6>());
   const Eigen::Index base = map.base(), rows = P.rows() - base;
-  const Eigen::MatrixXd known = sameRows(map, filter).transpose();
+  const bool corrections = correctsRig(map, given);
+  const Eigen::MatrixXd known = sameRows(map, filter, corrections).transpose();
   const Eigen::VectorXd unknown = 1.0 - known.rowwise().sum().array();
   filter.begin(map.world_T_imu);
   for (const SavedVariable& variable : map.variables) {
-    if (const auto handle = find(variable, filter)) filter.setMean(*handle, variable.mean);
+    if (const auto handle = find(variable, filter, corrections)) filter.setMean(*handle, variable.mean);
   }
   filter.setCoreCovariance(known * P.topLeftCorner(base, base) * known.transpose() +
                            unknown.asDiagonal() * filter.covariance() * unknown.asDiagonal());

@@ -23,6 +23,17 @@ void RigVariables::addTo(Filter& filter, const Options& options) {
   add(kScale, 0.0, Eigen::VectorXd::Constant(1, options.scale_sigma));
 }
 
+bool RigVariables::isCorrection(const std::string& name) {
+  return name == kNames[kRotation] || name == kNames[kTranslation] || name == kNames[kScale];
+}
+
+Eigen::Matrix<double, 13, 1> RigVariables::numbersOf(const StereoRig& given) {
+  const Eigen::Matrix3d& C = given.cam_T_imu.rotation();
+  Eigen::Matrix<double, 13, 1> numbers;
+  numbers << C.col(0), C.col(1), C.col(2), given.cam_T_imu.translation(), given.camera.baseline;
+  return numbers;
+}
+
 RigVariables::RigVariables(const Variables& variables) {
   for (std::size_t part = 0; part < kParts; ++part) {
     handles_[part] = variables.find(kNames[part]);

@@ -108,7 +108,7 @@ void readCalibration(YamlSection section, const std::string& folder, RigVariable
   rig.translation_sigma.setConstant(translation);
   if (file.empty()) return;
   const RigEstimate known = readNamed(section, "file", pathIn(folder, file), readRigCalibration);
-  rig.known = {known.rig.cam_T_imu, known.rig.camera.baseline};
+  rig.known = {known.rig.cam_T_imu, known.rig.camera.baseline, known.recording};
   rig.time_offset = known.time_offset;
   // What is to be estimated goes on from there.
   if (rotation > 0.0 && known.rotation_sigma.minCoeff() > 0.0) rig.rotation_sigma = known.rotation_sigma;

@@ -9,7 +9,8 @@
 namespace vi_ekf_slam {
 namespace {
 
-constexpr double kFarthest = 100.0; // m, between parts of a rig
+constexpr double kFarthest = 100.0;      // m, between parts of a rig
+constexpr double kLatest = 4294967295.0; // s, what a message's stamp can hold
 
 std::string list(const Eigen::VectorXd& numbers) {
   std::ostringstream text;
@@ -24,8 +25,10 @@ std::string rigCalibrationText(const RigEstimate& e) {
   const Eigen::Quaterniond q(e.rig.cam_T_imu.rotation());
   const auto one = [](double value) { return list(Eigen::VectorXd::Constant(1, value)); };
   const auto number = [&one](double value) { return one(value).substr(1, one(value).size() - 2); };
-  return "# The calibration as a run of vi_ekf_slam estimated it; calibration/file of a configuration takes it.\n"
-         "# cam_T_imu takes points from the IMU's frame to the left camera's. A sigma of 0: it was taken as known.\n"
+  return "# The calibration as a run of vi_ekf_slam estimated it; calibration/file of a configuration takes "
+         "it.\n"
+         "# cam_T_imu takes points from the IMU's frame to the left camera's. A sigma of 0: it was taken as "
+         "known.\n"
          "position: " +
          list(e.rig.cam_T_imu.translation()) + "  # m, of cam_T_imu\norientation: " + list(q.coeffs()) +
          "  # x, y, z, w\nbaseline: " + number(e.rig.camera.baseline) +
@@ -33,7 +36,8 @@ std::string rigCalibrationText(const RigEstimate& e) {
          "  # s, to be added to a picture's stamp\nrotation_sigma: " + list(e.rotation_sigma) +
          "  # rad, along the camera's axes\ntranslation_sigma: " + list(e.translation_sigma) +
          "  # m, the same\ntime_offset_sigma: " + number(e.time_offset_sigma) +
-         "  # s\nbaseline_sigma: " + number(e.baseline_sigma) + "  # m\n";
+         "  # s\nbaseline_sigma: " + number(e.baseline_sigma) + "  # m\nrecording: " + list(e.recording) +
+         "  # s, first and last stamp of what it was estimated from\n";
 }
 
 RigEstimate readRigCalibration(const std::string& path) {
@@ -51,6 +55,7 @@ RigEstimate readRigCalibration(const std::string& path) {
   e.translation_sigma = root.required("translation_sigma", sigma, 3);
   e.time_offset_sigma = root.required("time_offset_sigma", sigma);
   e.baseline_sigma = root.required("baseline_sigma", sigma);
+  root.read("recording", Range::closed(0.0, kLatest), e.recording); // earlier versions wrote none
   root.finish();
   return e;
 }

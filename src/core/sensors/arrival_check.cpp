@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 namespace vi_ekf_slam {
 namespace {
@@ -12,23 +13,28 @@ constexpr std::size_t kFewestArrivals = 10; // messages of a stream
 } // namespace
 
 std::string ArrivalCheck::note(Stream stream, Stamp stamp, Stamp received) {
-  if (judged_) return {};
-  if (!begin_) begin_ = received;
+  if (told_) return {};
+  if (!begin_ || received < *begin_) {
+    begin_ = received;
+    delays_.fill({});
+  }
   Delay& delay = delays_[static_cast<std::size_t>(stream)];
   const double seconds = secondsBetween(stamp, received);
   if (delay.count++ == 0 || seconds < delay.least) delay.least = seconds;
   if (secondsBetween(*begin_, received) < kArrivalSpan) return {};
-  judged_ = true;
+  const std::array<Delay, kStreamCount> delays = std::exchange(delays_, {});
+  begin_ = received;
   // The one that comes soonest after its stamp is the one that the others are late by.
   std::optional<std::size_t> soonest, latest;
   for (std::size_t i = 0; i < kStreamCount; ++i) {
-    if (delays_[i].count < kFewestArrivals) continue;
-    if (!soonest || delays_[i].least < delays_[*soonest].least) soonest = i;
-    if (!latest || delays_[i].least > delays_[*latest].least) latest = i;
+    if (delays[i].count < kFewestArrivals) continue;
+    if (!soonest || delays[i].least < delays[*soonest].least) soonest = i;
+    if (!latest || delays[i].least > delays[*latest].least) latest = i;
   }
-  if (!soonest) return {};
-  const double behind = delays_[*latest].least - delays_[*soonest].least;
-  if (behind <= limit_) return {};
+  const double behind = soonest ? delays[*latest].least - delays[*soonest].least : 0.0;
+  suspected_ = behind > limit_ ? suspected_ + 1 : 0;
+  if (suspected_ < 2) return {};
+  told_ = true;
   std::ostringstream text;
   text.precision(3);
   text << kTopicNames[*latest] << " comes " << behind << " s later after its stamp than "

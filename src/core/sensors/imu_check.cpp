@@ -78,6 +78,20 @@ void ImuCheck::noteRate(const ImuSample& sample) {
   say(faults_[kRate]);
 }
 
+void ImuCheck::noteRange(Fault fault, const Eigen::Vector3d& value) {
+  const bool is_gyro = fault == kGyroRange;
+  std::array<Saturation, 3>& axes = is_gyro ? gyro_axes_ : accelerometer_axes_;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    Saturation& saturation = axes[static_cast<std::size_t>(axis)];
+    if (!saturation.note(value[axis]) || !faults_[fault].empty()) continue;
+    faults_[fault] = std::string("the ") + (is_gyro ? "gyro" : "accelerometer") + " is saturated at " +
+                     rounded(saturation.limit()) + (is_gyro ? " rad/s" : " m/s^2") + " (its " + "xyz"[axis] +
+                     " axis), where its values are cut off; set a larger range in the IMU's " +
+                     "driver, or move " + (is_gyro ? "more slowly" : "and mount it more softly");
+    say(faults_[fault]);
+  }
+}
+
 /// The mean norm: at rest it is gravity, and no motion takes it away for as long.
 void ImuCheck::noteAcceleration(const ImuSample& sample) {
   ++samples_;
@@ -114,6 +128,8 @@ void ImuCheck::note(const ImuSample& sample, bool inertial) {
   frames_alone_ = 0;
   if (!first_) first_ = sample.stamp;
   noteRate(sample);
+  noteRange(kGyroRange, sample.angular_velocity);
+  if (inertial && sample.acceleration) noteRange(kAccelerometerRange, *sample.acceleration);
   if (inertial && !accelerations_judged_) noteAcceleration(sample);
   if (faults_[kStopped].empty()) return;
   faults_[kStopped].clear();

@@ -1,11 +1,13 @@
 // A saved map is known by the names of its variables: another estimator takes of it what it has itself.
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <numeric>
 #include <string>
 
 #include "../slam/road.hpp"
+#include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -82,17 +84,17 @@ void expectSameKnowledge(const SavedMap& actual, const SavedMap& expected) {
 TEST(SavedVariables, AreAllThatTheCoreHasWithTheirCovariance) {
   const SavedMap map = drivenMap();
   EXPECT_NO_THROW(validate(map, "map"));
-  EXPECT_EQ(namesOf(map), (std::vector<std::string>{"twist", "twist_bias", "scale", "slip"}));
-  EXPECT_EQ(map.base(), 23);
+  EXPECT_EQ(namesOf(map), (std::vector<std::string>{"twist", "twist_bias", "scale", "slip", "given_rig"}));
+  EXPECT_EQ(map.base(), 36);
   EXPECT_NE(map.variables[2].mean[0], 0.0);
-  EXPECT_GT(map.covariance.block(18, 23, 5, map.covariance.cols() - 23).cwiseAbs().maxCoeff(), 0.0)
+  EXPECT_GT(map.covariance.block(18, 36, 5, map.covariance.cols() - 36).cwiseAbs().maxCoeff(), 0.0)
       << "correlated with landmarks";
   expectSameKnowledge(resumed(map, withScaleAndSlip()), map);
 }
 
 TEST(SavedVariables, AreKnownByNameInWhateverOrderTheyAre) {
   const SavedMap map = drivenMap();
-  const SavedMap other = with(map, {"slip", "twist_bias", "twist", "scale"});
+  const SavedMap other = with(map, {"slip", "given_rig", "twist_bias", "twist", "scale"});
   EXPECT_NO_THROW(validate(other, "map"));
   expectSameKnowledge(resumed(other, withScaleAndSlip()), map);
 }
@@ -118,6 +120,71 @@ TEST(SavedVariables, KeepTheirPriorsWhereTheMapLacksThem) {
   Eigen::MatrixXd others = again.covariance.middleRows(18, 5);
   others.middleCols(18, 5).setZero();
   EXPECT_EQ(others.cwiseAbs().maxCoeff(), 0.0) << "uncorrelated";
+}
+
+InvariantConfig withRigUnsure() {
+  InvariantConfig config = withScaleAndSlip();
+  config.rig.rotation_sigma.setConstant(0.02);
+  config.rig.translation_sigma.setConstant(0.02);
+  return config;
+}
+
+/// What an estimator that is told `rig` knows of it where it has resumed from `map`.
+RigEstimate resumedOn(const SavedMap& map, const StereoRig& rig, bool is_late = false) {
+  InvariantEstimator estimator(withRigUnsure());
+  if (!is_late) estimator.setRig(rig);
+  estimator.resumeFrom(std::make_shared<const SavedMap>(map), "map", 30.0);
+  EXPECT_TRUE(estimator.resumeAt(map.stamp));
+  if (is_late) estimator.setRig(rig);
+  return *estimator.rig();
+}
+
+double rigDistance(const StereoRig& a, const StereoRig& b) {
+  return distance(a.cam_T_imu.matrix(), b.cam_T_imu.matrix()) +
+         std::abs(a.camera.baseline - b.camera.baseline);
+}
+
+// calibration/file holds what a run has found already: it counts once.
+TEST(SavedVariables, CorrectTheRigAlone) {
+  Road road(1, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60, withRigUnsure());
+  const RigEstimate found = *estimator.rig();
+  const SavedMap map = savedFrom(estimator);
+  ASSERT_GT(rigDistance(found.rig, exampleRig()), 1e-3);
+  const RigEstimate same = resumedOn(map, exampleRig());
+  EXPECT_LT(rigDistance(same.rig, found.rig), 1e-9);
+  EXPECT_LT(same.baseline_sigma, 1.001 * found.baseline_sigma);
+  const SavedMap of_earlier_version =
+      with(map, {"twist", "twist_bias", "camera_rotation", "camera_translation", "scale", "slip"});
+  struct Case {
+    const SavedMap& map;
+    StereoRig told;
+    bool is_late;
+  };
+  for (const Case& c : {Case{map, found.rig, false}, Case{of_earlier_version, exampleRig(), false},
+                        Case{map, found.rig, true}}) {
+    const RigEstimate now = resumedOn(c.map, c.told, c.is_late);
+    EXPECT_LT(rigDistance(now.rig, c.told), 1e-9);
+    EXPECT_NEAR(now.rotation_sigma[0], 0.02, 1e-9) << "as it was given beforehand";
+    EXPECT_NEAR(now.baseline_sigma, 0.01 * c.told.camera.baseline, 1e-9);
+  }
+}
+
+TEST(SavedVariables, OfAnotherRigAreNamed) {
+  Road road(1, 40, kTypical);
+  const InvariantEstimator estimator = driven(road, 60, withRigUnsure());
+  const auto map = std::make_shared<const SavedMap>(savedFrom(estimator));
+  for (const StereoRig& told : {exampleRig(), estimator.rig()->rig}) {
+    Config config;
+    config.invariant = withRigUnsure();
+    SlamSystem system(config);
+    std::string said;
+    system.onStart([&said](const std::string& text) { said += text; });
+    system.resumeFrom(map, "map");
+    system.setRig(told);
+    const bool is_other = rigDistance(told, exampleRig()) > 0.0;
+    EXPECT_EQ(said.find("the calibration begins as it is given") != said.npos, is_other) << said;
+  }
 }
 
 TEST(SavedVariables, OfTheMotionModelAreNeededToGoOn) {

@@ -18,6 +18,7 @@ RigEstimate estimate() {
   e.translation_sigma << 0.01, 0.02, 0.03;
   e.time_offset_sigma = 4e-4;
   e.baseline_sigma = 0.002;
+  e.recording << 1700000000.25, 1700000100.5;
   return e;
 }
 
@@ -37,6 +38,7 @@ TEST(RigCalibration, ComesBackAsItWasWritten) {
   EXPECT_LT(distance(back.translation_sigma, e.translation_sigma), 1e-12);
   EXPECT_NEAR(back.time_offset_sigma, e.time_offset_sigma, 1e-12);
   EXPECT_NEAR(back.baseline_sigma, e.baseline_sigma, 1e-12);
+  EXPECT_LT(distance(back.recording, e.recording), 0.01);
 }
 
 // What has no sigma in the configuration is as the file has it, and known.
@@ -53,6 +55,7 @@ TEST(RigCalibration, IsWhereTheNextRunGoesOn) {
   EXPECT_NEAR(rig.scale_sigma * e.rig.camera.baseline, e.baseline_sigma, 1e-9);
   StereoRig told = exampleRig();
   told.camera.baseline = 1.0;
+  EXPECT_LT(distance(rig.known->recording, e.recording), 0.01);
   const StereoRig used = rig.appliedTo(told);
   EXPECT_NEAR(used.camera.baseline, e.rig.camera.baseline, 1e-9);
   EXPECT_EQ(used.camera.fu, told.camera.fu);
@@ -77,6 +80,7 @@ TEST(RigCalibration, NamesWhatIsWrongWithAFile) {
   for (const char* key : {"position", "orientation", "baseline", "time_offset", "rotation_sigma",
                           "translation_sigma", "time_offset_sigma", "baseline_sigma"})
     EXPECT_NE(problem(without(key)).find(key), std::string::npos) << problem(without(key));
+  EXPECT_EQ(problem(without("recording")), "none") << "of an earlier version";
   EXPECT_NE(problem(good + "more: 1\n").find("more"), std::string::npos);
   EXPECT_NE(problem("orientation: [1, 1, 0, 0]\n" + without("orientation")).find("norm"), std::string::npos);
   EXPECT_NE(problem("baseline: -0.1\n" + without("baseline")).find("baseline"), std::string::npos);

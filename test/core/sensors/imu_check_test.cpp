@@ -2,9 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "../numeric.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {
@@ -139,6 +142,66 @@ TEST(ImuCheck, NamesAccelerationsThatAreNone) {
   EXPECT_TRUE(contains(said(std::nullopt), "carry no acceleration"));
   EXPECT_EQ(said(std::nullopt, false), Said()) << "nobody asks for it";
   EXPECT_EQ(said(Eigen::Vector3d(0.0, 8.0, 8.0)), Said());
+}
+
+/// What is said of 60 s of these rates (rad/s) and accelerations (m/s^2) along x, beside gravity.
+template <class Rate, class Acceleration>
+Said saidOfMotion(const Rate& rate, const Acceleration& acceleration) {
+  ImuCheck check(kGravity);
+  Said said;
+  check.onProblem([&said](const std::string& text) { said.push_back(text); });
+  for (int i = 0; i < 12000; ++i) {
+    const double t = 0.005 * i;
+    ImuSample sample = sampleAt(t, Eigen::Vector3d(acceleration(t), 0.0, kGravity));
+    sample.angular_velocity.x() = rate(t);
+    check.arrived(sample.stamp);
+    check.note(sample, true);
+  }
+  EXPECT_EQ(check.problem(), said.empty() ? "" : said.back());
+  return said;
+}
+
+double nothing(double /*t*/) { return 0.0; }
+
+TEST(ImuCheck, SaysOnceThatItIsSaturated) {
+  test::Random random(1);
+  const auto turning = [&random](double t) {
+    const double noisy = 2.0 * std::sin(3.0 * t) * std::sin(t) + random.gaussian<1>(0.002)[0];
+    return std::clamp(0.001 * std::round(1e3 * noisy), -0.5, 0.5);
+  };
+  const auto shaken = [&random](double /*t*/) {
+    return std::clamp(random.gaussian<1>(25.0)[0], -19.6, 19.6);
+  };
+  EXPECT_TRUE(contains(saidOfMotion(turning, nothing), "the gyro is saturated at 0.5 rad/s (its x axis)"));
+  EXPECT_TRUE(contains(saidOfMotion(nothing, shaken), "the accelerometer is saturated at 19.6 m/s^2"));
+}
+
+TEST(ImuCheck, DoesNotTakeCoarseNumbersForASaturatedOne) {
+  test::Random random(1);
+  const auto none = [](const auto& rate) { return saidOfMotion(rate, rate) == Said(); };
+  for (const double sigma : {0.0, 0.1, 0.3, 0.5, 1.0, 3.0, 10.0}) { // of the quantum
+    for (const double bias : {0.0, 0.25, 0.5}) {
+      EXPECT_TRUE(none([&](double) { return std::round(bias + random.gaussian<1>(sigma)[0]) / 64.0; }))
+          << sigma << " " << bias;
+      const auto rocking = [&](double t) {
+        return std::round(100.0 * std::sin(3.0 * t) + random.gaussian<1>(sigma)[0]) / 64.0;
+      };
+      EXPECT_TRUE(none(rocking)) << sigma;
+    }
+    double held = 0.0;
+    int count = 0;
+    EXPECT_TRUE(none([&](double) {
+      if (count++ % 4 == 0) held = std::round(3.0 * random.gaussian<1>(sigma)[0]) / 64.0;
+      return held;
+    })) << sigma
+        << ": a driver that repeats each";
+  }
+}
+
+// A robot in a simulator without noise.
+TEST(ImuCheck, DoesNotTakeAnEvenTurnForASaturatedOne) {
+  const auto turning = [](double t) { return std::clamp(10.0 * (std::fmod(t, 10.0) - 5.0), 0.0, 0.5); };
+  EXPECT_EQ(saidOfMotion(turning, nothing), Said());
 }
 
 /// An inertial system at rest, in the dark, that begins from a given state.

@@ -106,6 +106,22 @@ TEST(ArrivalCheck, NamesTheStreamThatIsLate) {
             std::string::npos);
 }
 
+// Whose driver starts again with another clock after a minute.
+TEST(ArrivalCheck, NamesAStreamThatBecomesLate) {
+  for (const double ahead : {0.0, 0.5}) {
+    ArrivalCheck check(0.2);
+    std::string said;
+    for (int k = 0; k < 8000; ++k) {
+      const Stamp now = fromSeconds(0.01 * k);
+      said += check.note(Stream::kImu, now + fromSeconds(k > 6000 ? ahead : 0.0), now);
+      // Once somebody pauses the recording, just after the IMU's first samples of a stretch.
+      if (k % 10 == 0) said += check.note(Stream::kStereo, now - fromSeconds(k > 2020 && k < 2500), now);
+    }
+    EXPECT_EQ(said.find("features comes 0.5 s later after its stamp than imu"), ahead > 0.0 ? 0u : said.npos);
+    EXPECT_EQ(said.rfind("features"), said.find("features")) << "once";
+  }
+}
+
 /// What is said of a gyro that turns at this rate for 3 s.
 std::string saidOfRate(double rate) {
   ImuCheck check(9.81);

@@ -1,6 +1,7 @@
 """What run_bag says of bags whose sensors do not belong together, of a simulated drive that is changed afterwards."""
 
 import os
+import re
 
 import breaking
 import genpy
@@ -56,3 +57,29 @@ def test_sensors_that_disagree_are_named(sound, tmp_path, change, status, words)
     for word in words:
         assert word in said
     assert "trajectory.tum" in written  # what was computed is there
+
+
+def imu_late(entries):
+    """It is received 0.5 s later."""
+    for entry in rigs.of(entries, "/imu"):
+        entry[1] += genpy.Duration.from_sec(0.5)
+    return entries
+
+
+def imu_restarted(entries):
+    """From a third on its clock is 3 s ahead."""
+    samples = rigs.of(entries, "/imu")
+    for _, _, message in samples[len(samples) // 3:]:
+        message.header.stamp += genpy.Duration.from_sec(3.0)
+    return entries
+
+
+@pytest.mark.parametrize("change, dropped", [
+    (imu_late, r"gyro: \d+ of \d+ messages were dropped: they come more than 0.2 s \(buffer/max_delay_s\)"),
+    (imu_restarted, r"stereo: \d+ of 80 messages were dropped: \d+ have stamps more than 1 s \(buffer/max_jump_s\) away from all others"),
+])
+def test_what_was_dropped_is_the_problem_and_not_that_nothing_starts_without_it(tmp_path, change, dropped):
+    bag = rigs.write(str(tmp_path / "rig.bag"), change(rigs.message_list(rigs.shaken_points())))
+    done = rigs.run_bag(bag, str(tmp_path / "run"))
+    assert done.returncode == 2
+    assert re.search(dropped, done.stderr.splitlines()[-1]), done.stderr

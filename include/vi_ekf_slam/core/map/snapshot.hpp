@@ -1,18 +1,27 @@
 #pragma once
 
+#include <optional>
+
+#include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 #include "vi_ekf_slam/core/motion/motion_model.hpp"
 
 namespace vi_ekf_slam {
 
-/// All that a filter's named variables and its landmarks know at `stamp`. Both are copies, which change.
-SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp);
+/// All that a filter's named variables and its landmarks know at `stamp`. Both are copies, which change. The
+/// variables correct `given`.
+SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp,
+                    const std::optional<StereoRig>& given = {});
 
 /// Puts what was saved into a filter and a map that have nothing but a core. Variables are known by name and
 /// size: what the filter does not have is marginalised, what the map does not have stays as it is. What was
 /// in view is inactive now, like the rest: tracks that go on begin as new landmarks and are fused with it.
-void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks);
+/// Corrections of another rig than `given`, or of one that is not known, stay as they are too.
+void restore(const SavedMap& map, Filter& filter, LandmarkMap& landmarks,
+             const std::optional<StereoRig>& given = {});
+/// False where the map has such corrections.
+bool correctsRig(const SavedMap& map, const std::optional<StereoRig>& given);
 
 /// Throws MapError, in the name of `source`, unless the map has all of the motion's variables that are in the
 /// filter: a drive cannot go on without them.

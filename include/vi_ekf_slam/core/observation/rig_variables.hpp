@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <optional>
+#include <string>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
@@ -17,6 +18,8 @@ struct RigEstimate {
   Eigen::Vector3d rotation_sigma = Eigen::Vector3d::Zero(), translation_sigma = Eigen::Vector3d::Zero();
   double time_offset_sigma = 0.0; ///< s
   double baseline_sigma = 0.0;    ///< m
+  /// s, first and last stamp of what told it; 0: not known.
+  Eigen::Vector2d recording = Eigen::Vector2d::Zero();
 
   bool isEstimated() const {
     return rotation_sigma.maxCoeff() > 0.0 || translation_sigma.maxCoeff() > 0.0 || time_offset_sigma > 0.0 ||
@@ -39,7 +42,8 @@ class RigVariables {
     /// What holds in the place of the rig that is told, from an earlier estimate.
     struct Known {
       SE3 cam_T_imu;
-      double baseline; ///< m
+      double baseline;           ///< m
+      Eigen::Vector2d recording; ///< RigEstimate's
     };
     std::optional<Known> known;
 
@@ -57,6 +61,13 @@ class RigVariables {
   };
   /// Adds them to a filter whose core is not closed, one behind the other.
   static void addTo(Filter& filter, const Options& options);
+
+  /// A saved map has, as a variable without errors, the rig that was given: camera_rotation,
+  /// camera_translation and scale are corrections of it, and of no other one.
+  static constexpr const char* kGivenRig = "given_rig";
+  static bool isCorrection(const std::string& name);
+  /// Its numbers: the upper 3 x 4 of cam_T_imu, column by column, and the baseline (m).
+  static Eigen::Matrix<double, 13, 1> numbersOf(const StereoRig& given);
 
   RigVariables() = default;
   /// Those that a filter has.

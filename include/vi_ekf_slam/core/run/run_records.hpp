@@ -55,6 +55,8 @@ class RunRecords {
   bool empty() const { return size_ == 0; }
   /// s from the first to the last stamp; 0 without any.
   double seconds() const { return secondsBetween(first_stamp_, last_stamp_); }
+  /// s; 0 without any.
+  Eigen::Vector2d firstAndLast() const { return {toSeconds(first_stamp_), toSeconds(last_stamp_)}; }
   /// All records in order. Throws std::runtime_error where the spool cannot be read.
   void forEach(const std::function<void(const RunRecord&)>& visit) const;
 

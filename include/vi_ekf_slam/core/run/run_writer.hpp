@@ -75,6 +75,8 @@ class RunWriter {
   std::size_t size() const { return runs_.back().records.size(); }
   /// s of sensor time from the first to the last record.
   double sensorSeconds() const;
+  /// Stamps of the first and the last record, s.
+  Eigen::Vector2d recording() const { return runs_.back().records.firstAndLast(); }
 
   /// Number of poses in each of DIR/before_reset_1, _2, ...
   std::vector<std::size_t> earlierSizes() const;

@@ -10,8 +10,9 @@
 namespace vi_ekf_slam {
 
 /// Looks whether the streams are stamped by one clock: what comes much later after its stamp than another
-/// stream does is late, or has another clock. Judged once, over the first seconds; check_rig.py says the same
-/// of a recording. The least delay counts, since queues only add.
+/// stream does is late, or has another clock. Judged over the first seconds, and whenever two stretches as
+/// long say the same later; check_rig.py says it of a recording. The least delay counts, since queues only
+/// add.
 class ArrivalCheck {
  public:
   /// `limit`, s: that the buffer waits for what is late.
@@ -30,7 +31,8 @@ class ArrivalCheck {
   double limit_;
   std::array<Delay, kStreamCount> delays_;
   std::optional<Stamp> begin_;
-  bool judged_ = false;
+  bool told_ = false;
+  std::size_t suspected_ = 1; ///< stretches in a row; one stands for the start, when nobody pauses anything
 };
 
 } // namespace vi_ekf_slam

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/sensors/saturation.hpp"
 
 namespace vi_ekf_slam {
 
@@ -43,7 +44,7 @@ class ImuCheck {
   std::string problem() const;
 
  private:
-  enum Fault { kAcceleration, kRate, kStutter, kStopped, kFaultCount };
+  enum Fault { kAcceleration, kRate, kGyroRange, kAccelerometerRange, kStutter, kStopped, kFaultCount };
 
   void say(const std::string& text) const {
     if (handler_) handler_(text);
@@ -51,6 +52,7 @@ class ImuCheck {
   void noteInterval(Stamp from, Stamp to);
   void noteRate(const ImuSample& sample);
   void noteAcceleration(const ImuSample& sample);
+  void noteRange(Fault fault, const Eigen::Vector3d& value);
   std::string accelerationProblem() const;
 
   double gravity_;
@@ -66,6 +68,7 @@ class ImuCheck {
   double norms_ = 0.0; ///< m/s^2, sum
   bool accelerations_judged_ = false;
   std::size_t impossible_ = 0; ///< samples whose rate no gyro says
+  std::array<Saturation, 3> gyro_axes_, accelerometer_axes_;
 };
 
 } // namespace vi_ekf_slam
