@@ -69,8 +69,8 @@ void ConstantTwist::process(Filter& filter, const ImuSample& sample) const {
   filter.correct(measureTwist(filter, twist_, bias_, 3, sample.angular_velocity, noiseOf(sample)));
 }
 
-void ConstantTwist::process(Filter& filter, const VelocitySample& sample) const {
-  filter.correct(measureTwist(filter, twist_, bias_, 0, sample.linear_velocity, noiseOf(sample)));
+LinearMeasurement ConstantTwist::measure(const Filter& filter, const VelocitySample& sample) const {
+  return measureTwist(filter, twist_, bias_, 0, sample.linear_velocity, noiseOf(sample));
 }
 
 Eigen::Matrix3d ConstantTwist::noiseOf(const ImuSample& sample) const {

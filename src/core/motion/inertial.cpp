@@ -125,11 +125,11 @@ void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp 
 }
 
 /// R^T v of the truth is R^T (v^ + e).
-void Inertial::process(Filter& filter, const VelocitySample& sample) const {
+LinearMeasurement Inertial::measure(const Filter& filter, const VelocitySample& sample) const {
   const Eigen::Matrix3d body_R_world = filter.pose().rotation().transpose();
-  filter.correct(LinearMeasurement(sample.linear_velocity - body_R_world * filter.variables().mean(velocity_),
-                                   noiseOf(sample))
-                     .by(filter.rowOf(velocity_), body_R_world));
+  return LinearMeasurement(sample.linear_velocity - body_R_world * filter.variables().mean(velocity_),
+                           noiseOf(sample))
+      .by(filter.rowOf(velocity_), body_R_world);
 }
 
 Eigen::Matrix3d Inertial::noiseOf(const ImuSample& sample, const ImuTrack& imu) const {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "vi_ekf_slam/core/filter/innovation.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 namespace vi_ekf_slam {
@@ -23,6 +24,22 @@ LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, 
   return LinearMeasurement(measured - expected, noise)
       .by(filter.rowOf(twist) + axis, Eigen::Matrix3d::Identity())
       .by(filter.rowOf(bias) + axis, Eigen::Matrix3d::Identity());
+}
+
+/// The robust kernel of Geman and McClure beyond the gate: the farther off, the less it moves the state. With
+/// weight left to what is n times as far, wheels that slip for seconds would drag it along.
+bool correctByVelocity(Filter& filter, const LinearMeasurement& velocity) {
+  const Eigen::Index core = filter.coreRows();
+  const Innovation in(filter.covariance().topLeftCorner(core, core), {velocity});
+  const double excess = in.nisOf(0) / kContradicts;
+  if (!(excess > 1.0)) {
+    filter.correct(velocity);
+    return true;
+  }
+  LinearMeasurement doubted = velocity;
+  doubted.addNoise((excess * excess - 1.0) * in.S(0, 0));
+  filter.correct(doubted);
+  return false;
 }
 
 Matrix6d standstillNoise(double dt) {

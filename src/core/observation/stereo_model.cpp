@@ -13,14 +13,17 @@ constexpr double kMaxPixel = 1e6; // px; beyond it a coordinate is not one of an
 // In units of the noise of one row, 4 standard deviations of the difference of two: one good feature in
 // 16,000 has more.
 constexpr double kSameRow = 5.66;
+constexpr double kBehind = kSameRow; // the same of a disparity, of which what is far away has none
 
 Eigen::Vector3d reduced(const StereoPixels& z) { return {z[0], 0.5 * (z[1] + z[3]), z[2]}; }
 
 } // namespace
 
+/// Of a far landmark whatever its noise makes of its disparity: where only the larger ones are taken, all far
+/// ones come nearer.
 bool StereoModel::isUsable(const StereoPixels& pixels, double sigma) const {
   return pixels.allFinite() && pixels.cwiseAbs().maxCoeff() <= kMaxPixel &&
-         pixels[0] - pixels[2] >= options_.min_disparity &&
+         pixels[0] - pixels[2] >= -kBehind * sigmaOf(sigma) &&
          std::abs(pixels[1] - pixels[3]) <= kSameRow * sigmaOf(sigma);
 }
 
@@ -67,7 +70,7 @@ std::optional<StereoModel::Triangulated> StereoModel::triangulate(const Filter& 
                                                                   const StereoPixels& measured,
                                                                   double given) const {
   const double sigma = sigmaOf(given);
-  if (!(measured[0] > measured[2])) return std::nullopt;
+  if (!(measured[0] - measured[2] >= options_.min_disparity)) return std::nullopt;
   const StereoCamera camera = variables_.camera(filter, rig_.camera);
   const StereoPixels pixels = options_.unbiased_starts ? withoutBias(measured, sigma) : measured;
   const auto q = camera.triangulate(pixels);

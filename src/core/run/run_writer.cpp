@@ -275,6 +275,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
                  summary.wall_s > 0.0 ? sensor_s / summary.wall_s : 0.0)
        << "features: " << c.features << "\nfeatures_invalid: " << c.features_invalid
        << "\nfeatures_used: " << c.features_used << "\nfeatures_rejected: " << c.features_rejected
+       << "\nvelocities_contradicting: " << c.velocities_contradicting
        << "\nframes_rejected: " << c.frames_rejected << "\nframes_without_rig: " << c.frames_without_rig
        << "\nframes_before_start: " << c.frames_before_start
        << "\nlandmarks_revisited: " << c.landmarks_revisited << "\nplaces_recognised: " << c.places_recognised
@@ -294,7 +295,9 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   }
   text << "}\n" << noises(summary.noise);
   if (summary.rig && summary.rig->isEstimated()) {
-    const std::string calibration = rigCalibrationText(*summary.rig);
+    RigEstimate rig = *summary.rig;
+    rig.recording = recording();
+    const std::string calibration = rigCalibrationText(rig);
     writeFile(pathIn(directory, kCalibration), calibration);
     text << "calibration:\n";
     std::istringstream lines(calibration);

@@ -193,8 +193,11 @@ std::string InertialEstimator::tryToStart(Stamp now) {
     return std::string("the accelerometer contradicts the pictures once the filter begins (") +
            InertialAlignment::kAxes;
   }
-  filter->moveOriginHere();
-  if (map_) filter->relocaliseIn(map_); // not before: the origin is here until its place in the map is found
+  if (const auto there = forecast_ ? forecast_(aligned.state->stamp) : std::nullopt)
+    filter->moveOrigin(aligned.state->world_T_imu, *there);
+  else
+    filter->moveOriginHere();
+  if (map_) filter->relocaliseIn(map_); // not before the origin is where the map begins
   filter_ = std::move(filter);
   alignment_.reset();
   return {};

@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -8,6 +9,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
+#include "vi_ekf_slam/core/observation/body_twist.hpp"
 #include "vi_ekf_slam/core/tracking/new_landmarks.hpp"
 #include "vi_ekf_slam/core/tracking/track_walk.hpp"
 
@@ -21,13 +23,15 @@ constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is track
 // Times max_tracked, while a vehicle looks for its place in a map: of few landmarks in view too few are the
 // map's. By looks alone one simulated lap of eight takes 490 of 600 frames with 1, and none more than 220 so.
 constexpr double kWhileLost = 1.5;
-constexpr double kSameAxes = 0.5;        // rad: nearer than any other way to mount it
-constexpr double kBridgeStep = 10.0;     // s
+constexpr double kSameAxes = 0.5;    // rad: nearer than any other way to mount it
+constexpr double kBridgeStep = 10.0; // s
 // rad, standard deviation: corrections of more are none that are linear. Of a body that knows the vertical
 // the tilt says where gravity points, which goes into its velocity: measured on flights through gaps, of up
 // to 0.75 s (0.19 rad) all are consistent afterwards (NEES of the position 2.0 in the mean of 16), of 0.9 s
 // (0.25 rad) a quarter is not (above 100).
-constexpr double kKnownHeading = 1.0, kKnownTilt = 0.2;
+constexpr double kBridgedHeading = 1.0, kBridgedTilt = 0.2;
+// Of the pose's (dp, theta): where the world is and which way it faces, which no sensor tells.
+constexpr std::array<Eigen::Index, 4> kGauge = {0, 1, 2, 5};
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
@@ -47,7 +51,6 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       map_(config.map, config.recognise_places),
       standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_) {
-  if (motion_->knowsGravity()) config_.stereo.unbiased_starts = false; // an IMU tells distances as well
   begin(motion_->startPose(), startCovariance());
 }
 
@@ -76,7 +79,22 @@ void InvariantEstimator::moveOriginHere() {
   const SE3& pose = filter_.pose();
   const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
   filter_.moveWorld(SE3(level, -(level * pose.translation())));
-  for (const Eigen::Index row : {0, 1, 2, 5}) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
+  for (const Eigen::Index row : kGauge) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
+  if (last_frame_) last_frame_->position = filter_.pose().translation();
+}
+
+/// An error of the place by dp, and of the heading by theta, moves the body of now by dp - [p - there]x
+/// theta.
+void InvariantEstimator::moveOrigin(const SE3& begun, const StateEstimate& there) {
+  map_.marginalise(filter_);
+  map_.forgetPath();
+  filter_.moveWorld(levelled(there.world_T_imu, begun) * begun.inverse());
+  Eigen::Matrix<double, 6, 4> J = Eigen::Matrix<double, 6, 4>::Zero();
+  J.topLeftCorner<3, 3>().setIdentity();
+  J(5, 3) = 1.0;
+  J.topRightCorner<3, 1>() =
+      Eigen::Vector3d::UnitZ().cross(filter_.pose().translation() - there.world_T_imu.translation());
+  filter_.addNoise(0, J * there.pose_covariance(kGauge, kGauge) * J.transpose());
   if (last_frame_) last_frame_->position = filter_.pose().translation();
 }
 
@@ -107,7 +125,7 @@ void InvariantEstimator::process(const VelocitySample& sample) {
   advanceTo(sample.stamp);
   standstill_.addVelocity(sample.stamp, sample.linear_velocity - motion_->bias(filter_).head<3>(),
                           motion_->noiseOf(sample));
-  motion_->process(filter_, sample);
+  if (!correctByVelocity(filter_, motion_->measure(filter_, sample))) ++contradicting_velocities_;
   recovery_.noteVelocity(sample.stamp, motion_->noiseOf(sample));
   checkpoint(false);
 }
@@ -131,11 +149,10 @@ void InvariantEstimator::propagate(Filter& filter, const ImuTrack& imu, Stamp fr
     motion_->propagate(filter, imu, from + (to - from) * i / steps, from + (to - from) * (i + 1) / steps);
 }
 
-bool InvariantEstimator::canBridge(double gap_s) const {
-  const double known_tilt = motion_->knowsGravity() ? kKnownTilt : kKnownHeading;
+/// The filter at a later stamp, if nothing is measured until then and the orientation stays known.
+std::optional<Filter> InvariantEstimator::ahead(Stamp end, double known_tilt) const {
   Filter ahead = filter_;
   Stamp now = stamp_.value_or(0);
-  const Stamp end = now + fromSeconds(gap_s);
   ImuTrack imu = imu_;
   imu.expectAt(end);
   // Bit by bit: over a gap of years the heading is lost soon.
@@ -143,9 +160,26 @@ bool InvariantEstimator::canBridge(double gap_s) const {
     const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
     propagate(ahead, imu, std::exchange(now, next), next);
     const Eigen::Vector3d sigma = ahead.covariance().diagonal().segment<3>(3).cwiseSqrt();
-    if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kKnownHeading)) return false;
+    if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kBridgedHeading)) return std::nullopt;
   }
-  return true;
+  return ahead;
+}
+
+bool InvariantEstimator::canBridge(double gap_s) const {
+  const double known_tilt = motion_->knowsGravity() ? kBridgedTilt : kBridgedHeading;
+  return ahead(stamp_.value_or(0) + fromSeconds(gap_s), known_tilt).has_value();
+}
+
+Forecast InvariantEstimator::forecast() const {
+  return [before = *this](Stamp stamp) -> std::optional<StateEstimate> {
+    const auto filter = before.ahead(stamp, kBridgedHeading);
+    if (!filter) return std::nullopt;
+    StateEstimate state;
+    state.stamp = stamp;
+    state.world_T_imu = filter->pose();
+    state.pose_covariance = filter->covariance().topLeftCorner<6, 6>();
+    return state;
+  };
 }
 
 /// Remembers a valid estimate, and goes back to it from one that is not.
@@ -163,6 +197,7 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
 FrameReport InvariantEstimator::process(const StereoFrame& frame) {
   advanceTo(frame.stamp);
   FrameReport report(frame);
+  report.contradicting_velocities = std::exchange(contradicting_velocities_, 0);
   if (config_.standstill_px > 0.0) standstill_.addFrame(frame);
   if (config_.standstill_px > 0.0 && last_frame_ && standstill_.stands(frame.stamp) &&
       motion_->mayStand(filter_))
@@ -333,8 +368,8 @@ PathEstimate InvariantEstimator::path() const { return map_.path(filter_, stamp_
 
 std::function<SavedMap()> InvariantEstimator::savedMap() const {
   if (!keepsJointMap() || !stamp_) return {};
-  return [filter = filter_, landmarks = map_.landmarks(), stamp = *stamp_] {
-    return snapshotOf(filter, landmarks, stamp);
+  return [filter = filter_, landmarks = map_.landmarks(), stamp = *stamp_, rig = givenRig()] {
+    return snapshotOf(filter, landmarks, stamp, rig);
   };
 }
 
@@ -352,7 +387,7 @@ bool InvariantEstimator::resumeAt(Stamp now) {
 void InvariantEstimator::resume(const Closures::Resume& from, Stamp stamp) {
   const double gap = secondsBetween(from.map->stamp, stamp);
   if (gap >= 0.0 && gap <= from.max_gap_s) {
-    restore(*from.map, filter_, map_.landmarks());
+    restore(*from.map, filter_, map_.landmarks(), givenRig());
     if (isValid(filter_, true) && canBridge(gap)) {
       stamp_ = from.map->stamp;
       map_.closures().noteResumed();

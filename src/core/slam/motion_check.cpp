@@ -33,6 +33,7 @@ constexpr double kLongestLook = 40.0; // s that are looked at, of a vehicle that
 constexpr std::size_t kTracked = 20;  // landmarks, for little time
 constexpr double kSameSize = 1.25;    // ratio up to which two motions differ by their direction
 constexpr double kDegrees = 57.3;
+constexpr double kSlips = 0.5; // s in which each frame has a velocity before it that contradicts
 
 InvariantConfig picturesAlone(InvariantConfig config) {
   config.choice = MotionChoice::kConstantTwist;
@@ -133,6 +134,7 @@ void MotionCheck::note(const VelocitySample& sample) {
 void MotionCheck::restart() {
   window_.reset();
   gyro_ = velocity_ = {};
+  contradicts_since_.reset();
 }
 
 /// Whether it moves now by what would count; of a sensor that is stuck the other one tells.
@@ -185,6 +187,18 @@ std::string MotionCheck::note(const StereoFrame& frame) {
   window_.reset();
   if (hasWork(frame.stamp)) begin(frame);
   return said;
+}
+
+std::string MotionCheck::note(const FrameReport& report) {
+  if (report.contradicting_velocities == 0) {
+    contradicts_since_.reset();
+    return {};
+  }
+  if (!contradicts_since_) contradicts_since_ = report.stamp;
+  if (says_slip_ || secondsBetween(*contradicts_since_, report.stamp) < kSlips) return {};
+  says_slip_ = true;
+  return "the velocity contradicts the estimate, and counts less while it does; do the wheels slip, are they "
+         "blocked, or is the velocity's sigma too small?";
 }
 
 std::string MotionCheck::judge() {

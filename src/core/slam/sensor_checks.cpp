@@ -37,8 +37,10 @@ void SensorChecks::note(const ImuSample& sample, bool with_pictures) {
 
 void SensorChecks::note(const StereoFrame& frame) {
   imu_.noteFrame(frame.stamp);
-  if (!compares_motion_) return;
-  const std::string problem = motion_.note(frame);
+  if (compares_motion_) tell(motion_.note(frame));
+}
+
+void SensorChecks::tell(const std::string& problem) {
   if (!problem.empty() && on_problem_) on_problem_(problem);
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/map/relocaliser.hpp"
+#include "vi_ekf_slam/core/map/snapshot.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
 #include "vi_ekf_slam/core/slam/inertial_estimator.hpp"
 
@@ -19,6 +20,8 @@ constexpr double kFirstWait = 1.0; // s of sensor time for first messages of the
 // s without any measurement, after which every estimate is good enough to go on.
 constexpr double kShortestGap = 0.4;
 constexpr const char* kLost = ", after which the orientation is not known";
+constexpr const char* kOtherRig =
+    "the calibration begins as it is given: the map's corrections are of another one, or say not of which";
 constexpr double kVelocityHolds = 2.0; // s; of one that stopped coming nothing is reckoned on
 
 std::uint64_t total(const std::array<std::uint64_t, kStreamCount>& counts) {
@@ -84,6 +87,7 @@ void SlamSystem::setRig(const StereoRig& rig) {
   given_.rig = config_.invariant.rig.appliedTo(rig);
   estimator_->setRig(*given_.rig);
   checks_.setRig(*given_.rig);
+  if (given_.resumes && !correctsRig(*given_.map, given_.rig) && handlers_.start) handlers_.start(kOtherRig);
   drain();
 }
 
@@ -123,9 +127,10 @@ void SlamSystem::followJump() {
   if (is_gap && estimator_->canBridge(ahead)) {
     ++counts_.gaps;
   } else {
-    reset(std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
-              std::to_string(std::abs(ahead)) + " s" + (is_gap ? kLost : ""),
-          ahead > 0.0);
+    const std::string reason = std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
+                               std::to_string(std::abs(ahead)) + " s" + (is_gap ? kLost : "");
+    endInput();
+    ahead > 0.0 ? beginAfterGap(reason) : reset(reason);
   }
   arrivals_.goOn();
 }
@@ -135,10 +140,19 @@ void SlamSystem::bridge(Stamp now) {
   const std::optional<Stamp> before = std::exchange(reached_, now);
   const double gap = before ? secondsBetween(*before, now) : 0.0;
   if (gap > kShortestGap && !estimator_->canBridge(gap)) {
-    keepMapOfBefore(); // the world is as it was
-    beginAnew("no message for " + std::to_string(gap) + " s" + kLost);
+    beginAfterGap("no message for " + std::to_string(gap) + " s" + kLost);
     reached_ = now;
   }
+}
+
+/// The world is as it was, and the body where it may have got to.
+void SlamSystem::beginAfterGap(const std::string& reason) {
+  auto map = mapOfBefore();
+  const Forecast forecast = estimator_->forecast();
+  beginAnew(reason);
+  estimator_->beginAt(forecast);
+  if (map) estimator_->relocaliseIn(map);
+  before_gap_ = std::move(map);
 }
 
 bool SlamSystem::needsRig() const {
@@ -182,23 +196,25 @@ void SlamSystem::endInput() {
   arrivals_.clear();
 }
 
-void SlamSystem::reset(const std::string& reason, bool keeps_map) {
+void SlamSystem::reset(const std::string& reason) {
   endInput();
-  if (keeps_map || keeps_map_) keepMapOfBefore();
+  if (auto map = keeps_map_ ? mapOfBefore() : nullptr) given_.map = std::move(map);
   beginAnew(reason);
 }
 
-void SlamSystem::keepMapOfBefore() {
-  if (estimator_->mapUse() == MapUse::kWaiting) return;
+/// In which a place can be found; the one of before a gap where that is still looked for.
+std::shared_ptr<const SavedMap> SlamSystem::mapOfBefore() const {
+  if (estimator_->mapUse() == MapUse::kWaiting) return before_gap_;
   const auto saved = estimator_->savedMap();
   auto map = saved ? std::make_shared<const SavedMap>(saved()) : nullptr;
-  if (map && map->landmarks.size() >= Relocaliser::kLeastMatches) given_.map = std::move(map);
+  return map && map->landmarks.size() >= Relocaliser::kLeastMatches ? map : nullptr;
 }
 
 void SlamSystem::beginAnew(const std::string& reason) {
   if (handlers_.map_end) handlers_.map_end(estimator_->savedMap());
   const PathEstimate path = handlers_.reset ? estimator_->path() : PathEstimate();
   estimator_ = makeEstimator();
+  before_gap_.reset();
   told_starts_.clear();
   reached_.reset();
   checks_.restart();
@@ -241,6 +257,7 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
                    "as the saved map that it goes on from has it");
   estimator_->resumeFrom(map, source, config_.buffer.max_gap_s);
   given_.map = std::move(map);
+  given_.resumes = true;
 }
 
 void SlamSystem::process(const Measurement& measurement) {
@@ -281,6 +298,7 @@ void SlamSystem::process(const StereoFrame& frame) {
   const FrameReport report = estimator_->process(frame);
   const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
   count(report);
+  checks_.note(report);
   if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
   reportStart();
   if (!estimator_->hasStarted()) {
@@ -325,6 +343,7 @@ void SlamSystem::count(const FrameReport& report) {
   counts_.features_invalid += report.invalid;
   counts_.features_used += report.used;
   counts_.features_rejected += report.rejected;
+  counts_.velocities_contradicting += report.contradicting_velocities;
   counts_.frames_rejected += report.frame_rejected ? 1 : 0;
   counts_.landmarks_revisited += report.revisited;
   counts_.places_recognised += report.place_recognised ? 1 : 0;

@@ -9,9 +9,14 @@
 namespace vi_ekf_slam {
 namespace {
 
-// Of a frame's tracks that must agree, for it to be used: among so many, as few agree by chance.
-constexpr double kLeastShare = 0.1;
-constexpr double kContradicts = 21.108; // chi-square, 3 degrees of freedom, 99.99 %
+// Of a frame's tracks that must agree, for it to be used: among so many, as few agree by chance. Or fit
+// these, where landmarks are young and it moves fast, so that the pixels' noise alone explains few.
+constexpr double kLeastShare = 0.1, kMajority = 0.5;
+
+double shareOf(const std::vector<bool>& chosen) {
+  return static_cast<double>(std::count(chosen.begin(), chosen.end(), true)) /
+         static_cast<double>(chosen.size());
+}
 
 } // namespace
 
@@ -55,10 +60,10 @@ FrameOutcome FrameUpdate::apply(Filter& filter, std::vector<LinearMeasurement> m
     outcome.nis_dof += 3;
   }
   outcome.used = choose(in, nis);
-  const auto agree = static_cast<double>(std::count(outcome.used.begin(), outcome.used.end(), true));
   in.putFirst(outcome.used);
-  outcome.skipped = agree == 0.0 || agree < kLeastShare * static_cast<double>(count) ||
-                    !isPossible(in, filter) || !reconsider(in, outcome) ||
+  const double agreeing = shareOf(outcome.used);
+  outcome.skipped = agreeing == 0.0 || !isPossible(in, filter) || !reconsider(in, outcome) ||
+                    (agreeing < kLeastShare && shareOf(outcome.used) < kMajority) ||
                     !filter.correct(in, model_.inverseDepthChart(filter, in.error()));
   if (outcome.skipped) {
     outcome.used.assign(count, false);

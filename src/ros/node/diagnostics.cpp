@@ -181,9 +181,11 @@ void Diagnostics::map(Status& status) {
       return status.summary(DiagnosticStatus::OK, "begun anew, no map loaded");
     case MapUse::kWaiting:
       return status.summary(DiagnosticStatus::WARN,
-                            "map loaded, not yet relocalised: poses are in a frame of their own");
+                            "not yet relocalised in the earlier map: poses are in a frame of their own, or "
+                            "after a gap as sure as "
+                            "they say");
     case MapUse::kRelocalised:
-      return status.summary(DiagnosticStatus::OK, "relocalised in the loaded map");
+      return status.summary(DiagnosticStatus::OK, "relocalised in the earlier map");
     case MapUse::kResumed:
       return status.summary(DiagnosticStatus::OK, "resumed from the saved map");
   }

@@ -184,7 +184,7 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
   }
   if (output.report.relocalised) {
     ROS_INFO_STREAM(
-        "relocalised in the loaded map; from now on poses and landmarks are in its frame, and paths start "
+        "relocalised in the earlier map; from now on poses and landmarks are in its frame, and paths start "
         "anew");
     results_.restart();
   }
@@ -198,9 +198,8 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
 
 void SlamNode::handleReset(const std::string& reason, const PathEstimate& path) {
   const bool has_map = system_.estimator().mapUse() == MapUse::kWaiting;
-  ROS_WARN_STREAM(
-      "reset: " << reason << "; state, map and paths start anew"
-                << (has_map ? ", and the place in the map of before or that was loaded is looked for" : ""));
+  ROS_WARN_STREAM("reset: " << reason << "; state, map and paths start anew"
+                            << (has_map ? ", and the place in the earlier map is looked for" : ""));
   sequencer_.endOfDrain();
   diagnostics_.restart(reason);
   intake_.restartTransforms();
@@ -226,7 +225,7 @@ std::string SlamNode::setPose(const geometry_msgs::PoseWithCovarianceStamped& me
   const bool was_elsewhere = estimator.mapUse() == MapUse::kWaiting;
   if (!system_.setPose(told.world_T_imu, told.covariance))
     return "the pose is not set: the configured estimator cannot, or its covariance would not be valid";
-  ROS_INFO_STREAM("the pose is set" << (was_elsewhere ? ", in the loaded map; paths start anew" : ""));
+  ROS_INFO_STREAM("the pose is set" << (was_elsewhere ? ", in the earlier map; paths start anew" : ""));
   if (was_elsewhere) { // earlier poses are in another frame
     publishers_.reset();
     results_.restart();

@@ -94,7 +94,7 @@ TEST(Gauge, IsTransportedAndNeverLearned) {
         scene.motion.process(scene.filter, gyro);
         VelocitySample velocity;
         velocity.linear_velocity = Eigen::Vector3d(5.0, 0.0, 0.0) + random.vector<3>(-1.0, 1.0);
-        scene.motion.process(scene.filter, velocity);
+        scene.filter.correct(scene.motion.measure(scene.filter, velocity));
       }
       scene.filter.settle();
       const auto all = scene.seen(random, 2.0);

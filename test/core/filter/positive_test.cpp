@@ -25,7 +25,7 @@ class Eventful {
       scene_.motion.process(scene_.filter, gyro);
       VelocitySample velocity;
       velocity.linear_velocity = Eigen::Vector3d(8.0, 0.0, 0.0) + random_.vector<3>(-0.5, 0.5);
-      scene_.motion.process(scene_.filter, velocity);
+      scene_.filter.correct(scene_.motion.measure(scene_.filter, velocity));
     }
     scene_.filter.settle();
     leaveView();

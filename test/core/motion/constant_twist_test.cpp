@@ -137,7 +137,7 @@ TEST(ConstantTwistModel, ASampleMeasuresTheTwistAndItsBias) {
   velocity.covariance = isotropic(1e-5);
   Scene scene = start;
   scene.motion.process(scene.filter, gyro);
-  scene.motion.process(scene.filter, velocity);
+  scene.filter.correct(scene.motion.measure(scene.filter, velocity));
   EXPECT_LT(distance(scene.motion.twist(scene.filter) + scene.motion.bias(scene.filter), measured), 1e-4);
   EXPECT_EQ(scene.motion.gyroBias(scene.filter), scene.motion.bias(scene.filter).tail<3>());
   // A bias is told as far as it was unknown beside the twist.

@@ -121,7 +121,7 @@ TEST(LevelGauge, IsNeverLearnedWhateverIsMeasured) {
     VelocitySample velocity;
     velocity.linear_velocity =
         body.scene.filter.pose().rotation().transpose() * body.scene.velocity() + random.vector<3>(-0.1, 0.1);
-    body.scene.motion.process(body.scene.filter, velocity);
+    body.scene.filter.correct(body.scene.motion.measure(body.scene.filter, velocity));
     body.scene.filter.settle();
     expectNotLearned("velocity", frame);
     if (frame % 5 == 0) {

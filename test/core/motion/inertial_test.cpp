@@ -304,7 +304,7 @@ TEST(InertialModel, AVelocitySampleMeasuresTheVelocityAlongTheBodysAxes) {
   VelocitySample sample;
   sample.linear_velocity = v;
   sample.covariance = isotropic(1e-5);
-  for (int i = 0; i < 3; ++i) scene.motion.process(scene.filter, sample);
+  for (int i = 0; i < 3; ++i) scene.filter.correct(scene.motion.measure(scene.filter, sample));
   const Eigen::Vector3d now = scene.filter.pose().rotation().transpose() * scene.velocity();
   EXPECT_LT(distance(now, v), 1e-4);
   EXPECT_LT(scene.motion.twistCovariance(scene.filter, ImuTrack({}, true)).diagonal().head<3>().maxCoeff(),

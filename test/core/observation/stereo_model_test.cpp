@@ -138,10 +138,15 @@ TEST(StereoModelTest, DoesNotSeeBehindItselfNorTooNear) {
 
 TEST(StereoModelTest, UsesPixelsOfAPointBeforeThePairAlone) {
   Random random(15);
-  const StereoModel model = coreScene(random).model();
+  const Scene scene = coreScene(random);
+  const StereoModel model = scene.model();
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_TRUE(model.isUsable({600.0, 180.0, 590.0, 181.0}));
-  EXPECT_FALSE(model.isUsable({600.0, 180.0, 599.5, 180.0})) << "disparity below a pixel";
+  for (const double disparity : {0.5, -2.0}) {
+    const StereoPixels far(600.0, 180.0, 600.0 - disparity, 180.0);
+    EXPECT_TRUE(model.isUsable(far)) << "the noise of a far one";
+    EXPECT_FALSE(model.triangulate(scene.filter, far)) << "no start";
+  }
   EXPECT_FALSE(model.isUsable({600.0, 180.0, 610.0, 180.0})) << "behind";
   EXPECT_FALSE(model.isUsable({600.0, 180.0, 590.0, 184.5})) << "rows apart";
   EXPECT_FALSE(model.isUsable({nan, 180.0, 590.0, 180.0}));

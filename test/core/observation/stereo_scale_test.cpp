@@ -25,7 +25,7 @@ class ScaleDrive {
       ImuSample gyro;
       gyro.angular_velocity = twist_.tail<3>() + normal(0.002);
       gyro.covariance = isotropic(0.002);
-      scene_.motion.process(scene_.filter, velocity);
+      scene_.filter.correct(scene_.motion.measure(scene_.filter, velocity));
       scene_.motion.process(scene_.filter, gyro);
       scene_.filter.settle();
       frame();

@@ -19,6 +19,7 @@ struct FlightOptions {
   ImuNoise noise;                             ///< of the samples, and how their biases walk
   double pixel = 0.0;                         ///< px, of the features
   std::size_t points = 100;
+  double farther = 1.0; ///< times, is the wall
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero(), accelerometer_bias = Eigen::Vector3d::Zero();
   double heading = 0.0; ///< rad, of the middle of its view; the wall is there
 };
@@ -32,8 +33,9 @@ class Flight {
         accelerometer_bias_(options.accelerometer_bias) {
     const Eigen::Matrix3d ahead = so3::Exp({0.0, 0.0, options.heading});
     for (std::size_t i = 0; i < options.points; ++i)
-      points_.push_back(ahead * Eigen::Vector3d(random_.uniform(6.0, 14.0), random_.uniform(-7.0, 7.0),
-                                                random_.uniform(-3.0, 3.0)));
+      points_.push_back(options.farther * ahead *
+                        Eigen::Vector3d(random_.uniform(6.0, 14.0), random_.uniform(-7.0, 7.0),
+                                        random_.uniform(-3.0, 3.0)));
     for (int i = 0; i < 3; ++i) phase_[i] = random_.uniform(0.0, 6.0);
   }
 

@@ -1,8 +1,12 @@
 // Poses that are told and maps that are found again, where gravity knows what is up.
 
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "flight.hpp"
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam::test {
@@ -153,47 +157,81 @@ TEST(InertialMap, OfASecondAgoIsNotResumedFrom) {
   EXPECT_EQ(second.mapUse(), MapUse::kWaiting);
 }
 
-// Nothing is measured for a while, whatever counts as a jump of the clock.
+/// A flight through a gap in which nothing is measured: 8 s before it, and 8 s after it.
+struct Gap {
+  Gap(unsigned seed, double gap, double jump, FeatureId renumbered) : flight(seed, mapFlight()) {
+    Config config;
+    config.invariant = inertialConfig(mapFlight(), mapFlight().pixel);
+    config.buffer.max_jump_s = jump;
+    system = std::make_unique<SlamSystem>(config);
+    system->onReset([this](const std::string& reason, const PathEstimate&) { reasons.push_back(reason); });
+    system->onFrame([this](const Output& output) { note(output.state); });
+    system->setRig(exampleRig());
+    fly(8.0, 0);
+    flight.skip(gap);
+    fly(8.0, renumbered);
+    system->flush();
+  }
+
+  void fly(double seconds, FeatureId renumbered) {
+    for (const double end = flight.seconds() + seconds; flight.seconds() < end;) {
+      for (int i = 0; i < 10; ++i) system->add(flight.sample());
+      StereoFrame frame = flight.frame();
+      for (auto& feature : frame.features) feature.id += renumbered;
+      system->add(frame);
+    }
+  }
+  void note(const StateEstimate& state) {
+    if (system->counts().resets > 0) {
+      if (!first_after) first_after = state;
+      return;
+    }
+    const SE3 truth = flight.pose(flight.timeOf(state.stamp));
+    map_T_world = levelled(state.world_T_imu, truth) * truth.inverse();
+  }
+  SE3 truth(const StateEstimate& state) { return map_T_world * flight.pose(flight.timeOf(state.stamp)); }
+
+  Flight flight;
+  std::unique_ptr<SlamSystem> system;
+  std::vector<std::string> reasons;
+  SE3 map_T_world; ///< as it was known at the gap
+  std::optional<StateEstimate> first_after;
+};
+
+// Whatever counts as a jump of the clock.
 TEST(InertialMap, OfBeforeAGapIsWhereItFindsItsPlaceAgain) {
   for (const double jump : {1.0, 60.0}) {
     for (const double gap : {0.5, 2.0}) {
-      Flown flown(2);
-      Config config;
-      config.invariant = inertialConfig(mapFlight(), mapFlight().pixel);
-      config.buffer.max_jump_s = jump;
-      SlamSystem system(config);
-      std::vector<std::string> reasons;
-      system.onReset(
-          [&reasons](const std::string& reason, const PathEstimate&) { reasons.push_back(reason); });
-      system.setRig(exampleRig());
-      SE3 map_T_world;
-      const auto fly = [&](double seconds) {
-        for (const double end = flown.flight.seconds() + seconds; flown.flight.seconds() < end;) {
-          for (int i = 0; i < 10; ++i) system.add(flown.flight.sample());
-          system.add(flown.flight.frame());
-        }
-      };
-      fly(4.0);
-      ASSERT_TRUE(system.estimator().hasStarted());
-      system.onFrame([&](const Output& output) {
-        if (system.counts().resets > 0) return;
-        const SE3 truth = flown.flight.pose(flown.flight.timeOf(output.state.stamp));
-        map_T_world = levelled(output.state.world_T_imu, truth) * truth.inverse();
-      });
-      fly(4.0);
-      flown.flight.skip(gap);
-      fly(8.0);
-      system.flush();
+      Gap flown(2, gap, jump, 0);
       const bool is_bridged = gap < 0.75;
-      EXPECT_EQ(system.counts().resets, is_bridged ? 0u : 1u) << gap;
-      ASSERT_EQ(reasons.size(), is_bridged ? 0u : 1u);
+      EXPECT_EQ(flown.system->counts().resets, is_bridged ? 0u : 1u) << gap;
+      ASSERT_EQ(flown.reasons.size(), is_bridged ? 0u : 1u);
       if (!is_bridged) {
-        EXPECT_NE(reasons[0].find("orientation is not known"), std::string::npos) << reasons[0];
-        EXPECT_EQ(system.estimator().mapUse(), MapUse::kRelocalised);
+        EXPECT_NE(flown.reasons[0].find("orientation is not known"), std::string::npos) << flown.reasons[0];
+        EXPECT_EQ(flown.system->estimator().mapUse(), MapUse::kRelocalised);
       }
-      const SE3 truth =
-          map_T_world * flown.flight.pose(flown.flight.timeOf(system.estimator().state().stamp));
-      expectNear(system.estimator().state().world_T_imu, truth, 0.15, 0.03);
+      const StateEstimate state = flown.system->estimator().state();
+      expectNear(state.world_T_imu, flown.truth(state), 0.15, 0.03);
+    }
+  }
+}
+
+// Nothing is recognised: it is near where it was, and knows how near.
+TEST(InertialMap, OfBeforeAGapIsTheFrameInWhichItBeginsAnew) {
+  for (unsigned seed = 2; seed < 7; ++seed) {
+    for (const double jump : {1.0, 60.0}) {
+      Gap flown(seed, 1.2, jump, 1000000);
+      ASSERT_EQ(flown.reasons.size(), 1u) << seed;
+      ASSERT_TRUE(flown.first_after) << seed;
+      for (const StateEstimate& state : {*flown.first_after, flown.system->estimator().state()}) {
+        const SE3 truth = flown.truth(state);
+        Vector6d error;
+        error << truth.translation() - state.world_T_imu.translation(),
+            so3::Log(truth.rotation() * state.world_T_imu.rotation().transpose());
+        EXPECT_LT(error.head<3>().norm(), 5.0) << seed;
+        EXPECT_LT(std::abs(error[5]), 1.0) << seed;
+        EXPECT_LT(squaredMahalanobis(error, state.pose_covariance), 16.8) << seed << ": 99 %";
+      }
     }
   }
 }

@@ -96,7 +96,7 @@ TEST(InvariantEstimator, CountsPixelsThatAreNoneAndIsNotHarmedByThem) {
   const double infinity = std::numeric_limits<double>::infinity();
   const std::vector<StereoPixels> bad{
       {nan, 100.0, 90.0, 100.0},   {100.0, nan, 90.0, 100.0},     {100.0, 100.0, infinity, 1.0},
-      {1e9, 100.0, 5e8, 100.0},    {100.0, 100.0, 100.0, 100.0},  {100.0, 100.0, 120.0, 100.0},
+      {1e9, 100.0, 5e8, 100.0},    {100.0, 100.0, 110.0, 100.0},  {100.0, 100.0, 120.0, 100.0},
       {100.0, 100.0, 60.0, 107.0}, {1e300, 1e300, -1e300, 1e300}, {100.0, -1e7, 60.0, -1e7}};
   StereoFrame without = now.frame;
   without.features.erase(without.features.begin(), without.features.begin() + 9);

@@ -47,6 +47,8 @@ class LinearMeasurement {
     return *this;
   }
 
+  void addNoise(const SmallMatrix& more) { noise_ += more; }
+
   Eigen::Index rows() const { return residual_.size(); }
   const SmallVector& residual() const { return residual_; }
   const SmallMatrix& noise() const { return noise_; }

@@ -22,6 +22,8 @@ Vector6d solvePositive(const Matrix6d& S, const Vector6d& b);
 
 /// What a chi-square of so many degrees of freedom exceeds in 1 % of all cases.
 constexpr double kChiSquare3 = 11.345, kChiSquare6 = 16.812;
+/// Chi-square, 3 degrees of freedom, 99.99 %: what is farther off is no noise.
+constexpr double kContradicts = 21.108;
 
 /// e^T S^-1 e, the squared Mahalanobis distance of an error e of covariance S: chi-square distributed with as
 /// many degrees of freedom as e has. Not a number where S is not positive definite.

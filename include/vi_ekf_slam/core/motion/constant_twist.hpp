@@ -43,7 +43,7 @@ class ConstantTwist : public MotionModel {
     propagate(filter, secondsBetween(from, to));
   }
   void process(Filter& filter, const ImuSample& sample) const override;
-  void process(Filter& filter, const VelocitySample& sample) const override;
+  LinearMeasurement measure(const Filter& filter, const VelocitySample& sample) const override;
   Eigen::Matrix3d noiseOf(const ImuSample& sample) const;
   Eigen::Matrix3d noiseOf(const ImuSample& sample, const ImuTrack& /*imu*/) const override {
     return noiseOf(sample);

@@ -46,7 +46,7 @@ class Inertial : public MotionModel {
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
   void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const override;
   void process(Filter& /*filter*/, const ImuSample& /*sample*/) const override {} ///< it is an input
-  void process(Filter& filter, const VelocitySample& sample) const override;
+  LinearMeasurement measure(const Filter& filter, const VelocitySample& sample) const override;
   Eigen::Matrix3d noiseOf(const ImuSample& sample, const ImuTrack& imu) const override;
   Eigen::Matrix3d noiseOf(const VelocitySample& sample) const override;
   void processStandstill(Filter& filter, const ImuTrack& imu, Stamp now, double dt) const override;

@@ -45,7 +45,7 @@ class MotionModel {
   /// Moves on from one stamp to the next, between which the IMU has no other sample.
   virtual void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const = 0;
   virtual void process(Filter& filter, const ImuSample& sample) const = 0;
-  virtual void process(Filter& filter, const VelocitySample& sample) const = 0;
+  virtual LinearMeasurement measure(const Filter& filter, const VelocitySample& sample) const = 0;
   /// 3x3 of a sample's white noise: its own covariance, or the configured one.
   virtual Eigen::Matrix3d noiseOf(const ImuSample& sample, const ImuTrack& imu) const = 0;
   virtual Eigen::Matrix3d noiseOf(const VelocitySample& sample) const = 0;

@@ -9,6 +9,10 @@ namespace vi_ekf_slam {
 LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, Eigen::Index axis,
                                const Eigen::Vector3d& measured, const Eigen::Matrix3d& noise);
 
+/// Corrects the filter's core by a velocity. One that contradicts it (wheels that slip or are blocked) hardly
+/// counts; false then.
+bool correctByVelocity(Filter& filter, const LinearMeasurement& velocity);
+
 /// How far the twist of a body that stands still for `dt` s may be from zero: 6x6 of (m/s, rad/s).
 Matrix6d standstillNoise(double dt);
 

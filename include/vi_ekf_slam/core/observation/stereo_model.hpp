@@ -16,7 +16,7 @@ class StereoModel {
  public:
   struct Options {
     double pixel_sigma = 1.0;    ///< px, of each of the four coordinates of a feature
-    double min_disparity = 1.0;  ///< px
+    double min_disparity = 1.0;  ///< px, where a landmark starts
     bool unbiased_starts = true; ///< (for comparison: false)
     double min_depth_m = 0.5;    ///< m; nearer points are not predicted
     double max_depth_m = 220.0;  ///< m; points that start farther away do not become landmarks

@@ -60,6 +60,7 @@ struct FrameReport {
   bool relocalised = false;      ///< from this frame on all poses and landmarks are in the loaded map's frame
   std::size_t landmarks = 0;     ///< in the state after the frame, active
   std::size_t inactive = 0;      ///< landmarks out of view that are in the joint covariance after the frame
+  std::size_t contradicting_velocities = 0; ///< samples since the frame before that contradicted the state
   bool frame_rejected = false;   ///< the frame as a whole was found impossible and not used
   /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
   /// judged: the mean of their ratio is 1. 0 where nothing was used.
@@ -69,6 +70,9 @@ struct FrameReport {
   /// landmarks, and with a covariance that covers what may have gone wrong.
   Divergence divergence = Divergence::kNone;
 };
+
+/// The state at a stamp to come; nothing where the orientation is not known to a radian by then.
+using Forecast = std::function<std::optional<StateEstimate>(Stamp)>;
 
 struct Gates;
 
@@ -113,6 +117,10 @@ class Estimator {
 
   /// Whether the estimate may go on after a gap of so many s: the orientation is known well enough then.
   virtual bool canBridge(double /*gap_s*/) const { return true; }
+  /// Where the body will be, if nothing is measured until then. Empty for an estimator that cannot tell.
+  virtual Forecast forecast() const { return {}; }
+  /// Before the first measurement: begins where `forecast` has the body then, in the frame of that.
+  virtual void beginAt(Forecast /*forecast*/) {}
 
   /// The state at the stamp of the last measurement.
   virtual StateEstimate state() const = 0;

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "vi_ekf_slam/core/slam/inertial_alignment.hpp"
 
@@ -32,6 +33,8 @@ class InertialEstimator : public Estimator {
     return filter_ && filter_->setPose(world_T_imu, covariance);
   }
   bool canBridge(double gap_s) const override { return !filter_ || filter_->canBridge(gap_s); }
+  Forecast forecast() const override { return filter_ ? filter_->forecast() : forecast_; }
+  void beginAt(Forecast forecast) override { forecast_ = std::move(forecast); }
   StateEstimate state() const override;
   std::optional<RigEstimate> rig() const override { return filter_ ? filter_->rig() : std::nullopt; }
   double timeOffset() const override { return filter_ ? filter_->timeOffset() : config_.rig.time_offset; }
@@ -72,6 +75,7 @@ class InertialEstimator : public Estimator {
   std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
   std::shared_ptr<const SavedMap> resume_map_;
   std::optional<InitialState> given_;
+  Forecast forecast_;   ///< of where it begins
   std::string refusal_; ///< of the given state
   std::string problem_, contradiction_;
 };

@@ -29,6 +29,9 @@ class InvariantEstimator : public Estimator {
   /// From now on the map begins where the body is: at the origin, its heading along x. Before anything is
   /// inactive.
   void moveOriginHere();
+  /// The same, but that the body was at `there`, as far as that is known, when it was at `begun` in the map
+  /// of now, whose z axis points up.
+  void moveOrigin(const SE3& begun, const StateEstimate& there);
   void expect(const ImuSample& next) override { imu_.expect(next); }
   void process(const ImuSample& sample) override;
   void process(const VelocitySample& sample) override;
@@ -38,6 +41,7 @@ class InvariantEstimator : public Estimator {
   void setGates(const Gates& gates) override { config_.setGates(gates); }
   bool setPose(const SE3& world_T_imu, const Matrix6d& covariance) override;
   bool canBridge(double gap_s) const override;
+  Forecast forecast() const override;
   StateEstimate state() const override;
   std::optional<RigEstimate> rig() const override;
   double timeOffset() const override;
@@ -55,8 +59,10 @@ class InvariantEstimator : public Estimator {
 
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
+  std::optional<StereoRig> givenRig() const { return model_ ? std::optional(model_->rig()) : std::nullopt; }
   void advanceTo(Stamp stamp);
   void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const;
+  std::optional<Filter> ahead(Stamp end, double known_tilt) const;
   void checkpoint(bool thoroughly);
   void useFeatures(const StereoFrame& frame, FrameReport& report);
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
@@ -84,6 +90,7 @@ class InvariantEstimator : public Estimator {
   StandstillDetector standstill_;
   Recovery recovery_;
   TrackStatus tracks_;
+  std::size_t contradicting_velocities_ = 0; ///< since the last frame
   std::optional<Stamp> stamp_;
   std::optional<LastFrame> last_frame_;
 };

@@ -26,6 +26,8 @@ class MotionCheck {
   void note(const VelocitySample& sample);
   /// Returns what is wrong, with figure, limit and what to do, the one time that it is found; else empty.
   std::string note(const StereoFrame& frame);
+  /// Says once that velocities contradict the estimate for some time, as those of wheels that slip do.
+  std::string note(const FrameReport& report);
   /// What is wrong; empty: nothing, or not known yet.
   const std::string& problem() const { return problem_; }
   /// Time, or the estimate, begins anew: what is judged already stays.
@@ -95,6 +97,8 @@ class MotionCheck {
   std::optional<Window> window_; ///< while there is work
   double bias_sigma_ = 0.0;      ///< rad/s, of the gyro, all three axes
   double worked_s_ = 0.0;
+  std::optional<Stamp> contradicts_since_; ///< in each frame since
+  bool says_slip_ = false;
   std::string problem_;
 };
 

@@ -34,6 +34,7 @@ class SensorChecks {
   /// Of the IMU's own velocity.
   void note(const VelocitySample& sample) { motion_.note(sample); }
   void note(const StereoFrame& frame);
+  void note(const FrameReport& report) { tell(motion_.note(report)); }
   /// Time, or the estimate, begins anew.
   void restart();
 
@@ -42,6 +43,8 @@ class SensorChecks {
   const MotionCheck& motion() const { return motion_; }
 
  private:
+  void tell(const std::string& problem);
+
   bool compares_motion_;
   bool is_inertial_ = false;
   NoiseReport noise_;

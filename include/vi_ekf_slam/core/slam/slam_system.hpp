@@ -39,6 +39,7 @@ struct ProcessingCounts {
   std::uint64_t resets = 0;
   std::uint64_t gaps = 0; ///< longer than max_jump_s, short enough to go on
   std::uint64_t features = 0, features_invalid = 0, features_used = 0, features_rejected = 0;
+  std::uint64_t velocities_contradicting = 0; ///< the state, so that they counted less
   std::uint64_t frames_rejected = 0;
   std::uint64_t landmarks_revisited = 0;
   std::uint64_t places_recognised = 0;
@@ -119,7 +120,7 @@ class SlamSystem {
   void setGates(const Gates& gates);
 
   /// Forgets state and map, keeps calibration, counts and what was loaded.
-  void reset(const std::string& reason) { reset(reason, false); }
+  void reset(const std::string& reason);
   /// From now on the map of before a reset takes the place of one that was loaded, unless that is still
   /// looked for, or no measurement made the estimate right.
   void keepMap() { keeps_map_ = true; }
@@ -154,13 +155,14 @@ class SlamSystem {
     std::optional<TwistBias> bias;
     bool bias_awaited = false;
     std::shared_ptr<const SavedMap> map;
+    bool resumes = false; ///< from it
   };
 
   void requireJointMap(const std::string& source) const;
   void followJump();
   void bridge(Stamp now);
-  void keepMapOfBefore();
-  void reset(const std::string& reason, bool keeps_map);
+  void beginAfterGap(const std::string& reason);
+  std::shared_ptr<const SavedMap> mapOfBefore() const;
   void drain();
   void adoptMotion();
   std::unique_ptr<Estimator> makeEstimator() const;
@@ -181,6 +183,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> estimator_;
   Given given_;
   bool keeps_map_ = false;
+  std::shared_ptr<const SavedMap> before_gap_; ///< in which the place is looked for until it is found
   std::optional<Stamp> reached_; ///< by the estimate
   DeadReckoning dead_reckoning_;
   std::optional<Stamp> last_velocity_; ///< since the start
