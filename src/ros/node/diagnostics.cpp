@@ -180,10 +180,7 @@ void Diagnostics::map(Status& status) {
     case MapUse::kNone:
       return status.summary(DiagnosticStatus::OK, "begun anew, no map loaded");
     case MapUse::kWaiting:
-      return status.summary(DiagnosticStatus::WARN,
-                            "not yet relocalised in the earlier map: poses are in a frame of their own, or "
-                            "after a gap as sure as "
-                            "they say");
+      return status.summary(DiagnosticStatus::WARN, "not yet relocalised in the earlier map");
     case MapUse::kRelocalised:
       return status.summary(DiagnosticStatus::OK, "relocalised in the earlier map");
     case MapUse::kResumed:

@@ -19,8 +19,8 @@ from vi_ekf_slam.srv import LoadMap, SaveMap
 from waiting import wait_for
 
 ALONE = "begun anew, no map loaded"
-WAITING = "map loaded, not yet relocalised: poses are in a frame of their own"
-RELOCALISED = "relocalised in the loaded map"
+WAITING = "not yet relocalised in the earlier map"
+RELOCALISED = "relocalised in the earlier map"
 RESUMED = "resumed from the saved map"
 
 
