@@ -174,7 +174,7 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
     if (tilt > kLargestTilt)
       contradiction_ = "gravity is " + rounded(tilt) +
                        " rad off the map's vertical (a state that is given must have the z axis upwards; "
-                       "else: is the calibration of the pair right?)";
+                       "else: is the calibration of the pair right, or has a lift moved all that is seen?)";
   }
 }
 
@@ -200,6 +200,7 @@ std::string InertialEstimator::tryToStart(Stamp now) {
   if (map_) filter->relocaliseIn(map_); // not before the origin is where the map begins
   filter_ = std::move(filter);
   alignment_.reset();
+  forecast_ = nullptr; // which holds the filter of before, with its map
   return {};
 }
 
