@@ -19,7 +19,6 @@
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/core/run/imu_calibration.hpp"
 #include "vi_ekf_slam/core/run/memory.hpp"
-#include "vi_ekf_slam/core/run/rig_calibration.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
@@ -248,10 +247,8 @@ int run(const RunBagOptions& options) {
   summary.body = intake.imuFrame();
   writer.write(options.output, summary, estimate);
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
-  if (!options.save_calibration.empty()) {
-    summary.rig->recording = writer.recording();
-    writeFile(options.save_calibration, rigCalibrationText(*summary.rig));
-  }
+  if (!options.save_calibration.empty())
+    writeFile(options.save_calibration, writer.calibrationText(*summary.rig));
   warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
   if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
   if (!options.load_map.empty() && system.counts().relocalisations == 0)

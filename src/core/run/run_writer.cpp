@@ -186,6 +186,11 @@ std::vector<std::size_t> RunWriter::earlierSizes() const {
 
 double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
 
+std::string RunWriter::calibrationText(RigEstimate estimate) const {
+  estimate.recording = recording();
+  return rigCalibrationText(estimate);
+}
+
 void RunWriter::writeRun(const std::string& directory, const Run& run) {
   makeDirectory(directory);
   AtomicFile trajectory(pathIn(directory, kTrajectory));
@@ -295,9 +300,7 @@ void RunWriter::writeSummary(const std::string& directory, const RunSummary& sum
   }
   text << "}\n" << noises(summary.noise);
   if (summary.rig && summary.rig->isEstimated()) {
-    RigEstimate rig = *summary.rig;
-    rig.recording = recording();
-    const std::string calibration = rigCalibrationText(rig);
+    const std::string calibration = calibrationText(*summary.rig);
     writeFile(pathIn(directory, kCalibration), calibration);
     text << "calibration:\n";
     std::istringstream lines(calibration);

@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
@@ -30,8 +29,6 @@ constexpr double kBridgeStep = 10.0; // s
 // to 0.75 s (0.19 rad) all are consistent afterwards (NEES of the position 2.0 in the mean of 16), of 0.9 s
 // (0.25 rad) a quarter is not (above 100).
 constexpr double kBridgedHeading = 1.0, kBridgedTilt = 0.2;
-// Of the pose's (dp, theta): where the world is and which way it faces, which no sensor tells.
-constexpr std::array<Eigen::Index, 4> kGauge = {0, 1, 2, 5};
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
@@ -74,27 +71,27 @@ bool InvariantEstimator::begin(const InitialState& state) {
 /// An error of where the world is and which way it faces is one of the pose's first six coordinates alone:
 /// none is left of it where the world is said to be here.
 void InvariantEstimator::moveOriginHere() {
-  map_.marginalise(filter_);
-  map_.forgetPath();
   const SE3& pose = filter_.pose();
   const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
-  filter_.moveWorld(SE3(level, -(level * pose.translation())));
-  for (const Eigen::Index row : kGauge) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
-  if (last_frame_) last_frame_->position = filter_.pose().translation();
+  moveWorld(SE3(level, -(level * pose.translation())));
+  for (const Eigen::Index row : {0, 1, 2, 5}) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
 }
 
 /// An error of the place by dp, and of the heading by theta, moves the body of now by dp - [p - there]x
-/// theta.
+/// theta. The tilt is known here.
 void InvariantEstimator::moveOrigin(const SE3& begun, const StateEstimate& there) {
+  moveWorld(levelled(there.world_T_imu, begun) * begun.inverse());
+  Matrix6d J = Matrix6d::Identity(), known = there.pose_covariance;
+  J.topRows<3>() = se3::pointJacobian(filter_.pose().translation() - there.world_T_imu.translation());
+  known.middleRows<2>(3).setZero();
+  known.middleCols<2>(3).setZero();
+  filter_.addNoise(0, J * known * J.transpose());
+}
+
+void InvariantEstimator::moveWorld(const SE3& to_T_world) {
   map_.marginalise(filter_);
   map_.forgetPath();
-  filter_.moveWorld(levelled(there.world_T_imu, begun) * begun.inverse());
-  Eigen::Matrix<double, 6, 4> J = Eigen::Matrix<double, 6, 4>::Zero();
-  J.topLeftCorner<3, 3>().setIdentity();
-  J(5, 3) = 1.0;
-  J.topRightCorner<3, 1>() =
-      Eigen::Vector3d::UnitZ().cross(filter_.pose().translation() - there.world_T_imu.translation());
-  filter_.addNoise(0, J * there.pose_covariance(kGauge, kGauge) * J.transpose());
+  filter_.moveWorld(to_T_world);
   if (last_frame_) last_frame_->position = filter_.pose().translation();
 }
 

@@ -129,8 +129,12 @@ void SlamSystem::followJump() {
   } else {
     const std::string reason = std::string("time jumped ") + (ahead > 0.0 ? "ahead" : "back") + " by " +
                                std::to_string(std::abs(ahead)) + " s" + (is_gap ? kLost : "");
-    endInput();
-    ahead > 0.0 ? beginAfterGap(reason) : reset(reason);
+    if (ahead > 0.0) {
+      endInput();
+      beginAfterGap(reason);
+    } else {
+      reset(reason);
+    }
   }
   arrivals_.goOn();
 }

@@ -77,6 +77,8 @@ class RunWriter {
   double sensorSeconds() const;
   /// Stamps of the first and the last record, s.
   Eigen::Vector2d recording() const { return runs_.back().records.firstAndLast(); }
+  /// What calibration/file of a configuration takes: `estimate`, of this recording.
+  std::string calibrationText(RigEstimate estimate) const;
 
   /// Number of poses in each of DIR/before_reset_1, _2, ...
   std::vector<std::size_t> earlierSizes() const;

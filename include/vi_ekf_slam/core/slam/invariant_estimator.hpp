@@ -59,6 +59,7 @@ class InvariantEstimator : public Estimator {
 
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
+  void moveWorld(const SE3& to_T_world);
   std::optional<StereoRig> givenRig() const { return model_ ? std::optional(model_->rig()) : std::nullopt; }
   void advanceTo(Stamp stamp);
   void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const;
