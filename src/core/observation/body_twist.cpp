@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "vi_ekf_slam/core/filter/innovation.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 namespace vi_ekf_slam {
@@ -29,15 +28,18 @@ LinearMeasurement measureTwist(const Filter& filter, Handle twist, Handle bias, 
 /// The robust kernel of Geman and McClure beyond the gate: the farther off, the less it moves the state. With
 /// weight left to what is n times as far, wheels that slip for seconds would drag it along.
 bool correctByVelocity(Filter& filter, const LinearMeasurement& velocity) {
-  const Eigen::Index core = filter.coreRows();
-  const Innovation in(filter.covariance().topLeftCorner(core, core), {velocity});
-  const double excess = in.nisOf(0) / kContradicts;
+  Eigen::Matrix3d S = velocity.noise();
+  for (const LinearMeasurement::Term& a : velocity) {
+    for (const LinearMeasurement::Term& b : velocity)
+      S += a.H * filter.covariance().block(a.column, b.column, a.H.cols(), b.H.cols()) * b.H.transpose();
+  }
+  const double excess = squaredMahalanobis(Eigen::Vector3d(velocity.residual()), S) / kContradicts;
   if (!(excess > 1.0)) {
     filter.correct(velocity);
     return true;
   }
   LinearMeasurement doubted = velocity;
-  doubted.addNoise((excess * excess - 1.0) * in.S(0, 0));
+  doubted.addNoise((excess * excess - 1.0) * S);
   filter.correct(doubted);
   return false;
 }
