@@ -58,7 +58,7 @@ def _read_rows(path):
         raise InputError("%s: is a directory, allowed: a pose file" % path)
     rows, lines = [], []
     try:
-        with open(path, encoding="ascii") as stream:
+        with open(path, encoding="utf-8-sig") as stream:
             for number, line in enumerate(iter(lambda: stream.readline(LONGEST_LINE), ""), start=1):
                 if len(line) == LONGEST_LINE:
                     raise InputError("%s: line %d is longer than %d characters, allowed: 12 (KITTI) or 8 (TUM) numbers"
@@ -66,6 +66,9 @@ def _read_rows(path):
                 words = line.split()
                 if not words or words[0].startswith("#"):
                     continue
+                if "," in line:
+                    raise InputError("%s: line %d has commas, allowed: 12 (KITTI) or 8 (TUM) numbers separated by spaces; "
+                                     "EuRoC's data.csv is read with its recording, by dataset_to_bag.py" % (path, number))
                 allowed = (len(rows[0]),) if rows else (KITTI_COLUMNS, TUM_COLUMNS)
                 if len(words) not in allowed:
                     raise InputError("%s: line %d has %d columns, allowed: %s"
@@ -73,7 +76,7 @@ def _read_rows(path):
                 rows.append([_number(path, number, word) for word in words])
                 lines.append(number)
     except UnicodeDecodeError:
-        raise InputError("%s: is not a text file, allowed: 12 (KITTI) or 8 (TUM) numbers a line" % path)
+        raise InputError("%s: is not a text file in UTF-8, allowed: 12 (KITTI) or 8 (TUM) numbers a line" % path)
     except OSError as reason:
         raise InputError("%s: cannot be read: %s" % (path, reason.strerror))
     if not rows:

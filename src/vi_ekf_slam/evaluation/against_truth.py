@@ -5,18 +5,20 @@ from collections import namedtuple
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.dataset.truth import sample_poses
+from vi_ekf_slam.common.geometry import so3_log
+from vi_ekf_slam.dataset.truth import MAX_GAP, STAMP_TOLERANCE, sample_poses
 from vi_ekf_slam.evaluation.consistency import nees, pose_errors
 from vi_ekf_slam.evaluation.gauge import errors_after_yaw_alignment, frame_change
-from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
-                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors,
-                                            rigid_alignment)
+from vi_ekf_slam.evaluation.metrics import (NO_RELATIVE_ERRORS, absolute_trajectory_error, anchored_errors, distances,
+                                            kitti_segments, left_camera_poses, mean_kitti_errors, pairs_ahead,
+                                            relative_pose_errors, rigid_alignment)
 
 RPE_SECONDS, RPE_METRES = 1.0, 10.0
 SPARSE = 1.5  # times the trajectory's step: between 1, equal rates whose stamps jitter, and 2, half the rate
+LEAST_TURN = 0.1  # rad; less may be the error of an estimate of a body that truly never turns, as only simulated ones do
 
 Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe "
-                                      "ate_yaw orientation truth_step")
+                                      "ate_yaw orientation truth_step sections covered positions_only")
 Evaluation.__doc__ = """Errors of one trajectory.
 
 ate: m, RMSE of the positions after rigid alignment. kitti: metrics.KittiErrors. matched: number M of poses compared.
@@ -25,40 +27,69 @@ distance, error (M,): m of true path up to each pose, and its position error in 
 segments: of metrics.kitti_segments. rpe: {"frame", "second", "metre": metrics.RelativeErrors} over one frame,
 RPE_SECONDS and RPE_METRES of true path. ate_yaw m, orientation deg: RMSE over the IMU's poses after alignment by yaw and
 position, or None where gravity says nothing. truth_step: s between true poses where these are sparse, see match, or None.
+sections (M,): of truth_sections; way, distance, segments and rpe leave out what spans a gap. covered: s within them.
+positions_only: the truth has no orientations: error and anchored are nan, segments and rpe empty, orientation None.
 """
 
 Match = namedtuple("Match", "stamps estimate truth rows")
 Match.__doc__ = """Poses of both at the same stamps (M,) s: estimate, truth (M, 4, 4); rows (M,): the nearest pose of the estimate."""
 
-Consistency = namedtuple("Consistency", "stamps errors deviations nees nees_position nees_rotation")
+Consistency = namedtuple("Consistency", "stamps errors deviations nees nees_position nees_rotation sections")
 Consistency.__doc__ = """Pose errors of the IMU and what the covariance says of them, in the axes of the run's world.
 
 stamps (M,) s. errors (M, 6): consistency.pose_errors, or None without truth. deviations (M, 6): square roots of the
 covariances' diagonals, m and rad. nees (M,) of the pose (6 dof), position and rotation (3 dof each), or None.
+sections (M,): of truth_sections, or None.
 """
 
 
-def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose"):
+def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose", positions_only=False):
     """Errors of world_T_imu poses (N, 4, 4) at stamps (N,) s against truth = (stamps, IMU poses), in any world frame.
 
     With an extrinsic the left cameras are compared, as the KITTI benchmark does, else the IMUs. Compared are the poses of
-    match. gauge: of gauge.GAUGES; with another than "pose" both worlds have z upwards.
+    match. gauge: of gauge.GAUGES; with another than "pose" both worlds have z upwards. positions_only: the truth's
+    orientations stand for nothing, see lacks_orientations, and its positions are those of what is compared.
     """
     matched, estimate, true_poses, _ = match(stamps, poses, truth)
+    sections = truth_sections(truth[0], matched)
     yaw_errors = (None, None) if gauge == "pose" else errors_after_yaw_alignment(estimate, true_poses)
     body = "IMU"
     if cam_T_imu is not None:
         estimate, true_poses = (left_camera_poses(p, cam_T_imu) for p in (estimate, true_poses))
         body = "left camera"
-    error, distance = anchored_errors(estimate, true_poses), distances(true_poses)
-    segments = kitti_segments(estimate, true_poses)
+    error, distance = anchored_errors(estimate, true_poses), distances(true_poses, sections)
+    segments = kitti_segments(estimate, true_poses, sections=sections)
     frames = np.arange(len(estimate))
-    rpe = {name: relative_pose_errors(estimate, true_poses, pairs_ahead(values, delta))
+    rpe = {name: relative_pose_errors(estimate, true_poses, pairs_ahead(values, delta, sections))
            for name, values, delta in (("frame", frames, 1), ("second", matched, RPE_SECONDS),
                                        ("metre", distance, RPE_METRES))}
+    if positions_only:
+        error, segments, yaw_errors = np.full(len(error), np.nan), segments[:0], (yaw_errors[0], None)
+        rpe = dict.fromkeys(rpe, NO_RELATIVE_ERRORS)
     return Evaluation(absolute_trajectory_error(estimate, true_poses), mean_kitti_errors(segments), len(estimate), body,
                       float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe,
-                      *yaw_errors, _median_step(truth[0]) if _is_sparse(truth[0], stamps) else None)
+                      *yaw_errors, _median_step(truth[0]) if _is_sparse(truth[0], stamps) else None, sections,
+                      float(np.diff(matched)[np.diff(sections) == 0].sum()), positions_only)
+
+
+def truth_sections(truth_stamps, stamps):
+    """Numbers (N,), rising, of the stretches between gaps of the truth that the stamps (N,) s, which it reaches, are in.
+
+    A gap is what is too long to interpolate, or one and a half steps of a truth that is sparser than that.
+    """
+    if len(truth_stamps) < 2:
+        return np.zeros(len(stamps), dtype=int)
+    is_gap = np.diff(truth_stamps) > max(MAX_GAP, SPARSE * _median_step(truth_stamps))
+    return np.searchsorted(truth_stamps[1:][is_gap], stamps + STAMP_TOLERANCE, side="right")
+
+
+def lacks_orientations(poses, truth_poses):
+    """Whether a truth (M, 4, 4) has one orientation throughout, to the last digit, while the estimate (N, 4, 4) turns: it
+    holds positions alone, as of GNSS or of a total station, in a format that asks for more."""
+    rotations, true_rotations = poses[:, :3, :3], truth_poses[:, :3, :3]
+    if len(truth_poses) < 2 or np.ptp(true_rotations, axis=0).max() > 1e-9:
+        return False
+    return bool(np.linalg.norm(so3_log(rotations[0].T @ rotations), axis=1).max() > LEAST_TURN)
 
 
 def match(stamps, poses, truth):
@@ -99,11 +130,12 @@ def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose"):
     filter too is certain of where it starts.
     """
     if truth is None:
-        return Consistency(stamps, None, _deviations(covariances), None, None, None)
+        return Consistency(stamps, None, _deviations(covariances), None, None, None, None)
     matched, estimate, true_poses, rows = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses, gauge)))
     errors, covariances = pose_errors(estimate, true_poses), covariances[rows]
     return Consistency(matched, errors, _deviations(covariances), nees(errors, covariances),
-                       nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]))
+                       nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]),
+                       truth_sections(truth[0], matched))
 
 
 def _deviations(covariances):
@@ -119,6 +151,17 @@ def anchor_truth(truth, stamps, poses, gauge="pose"):
     return frame_change(found.estimate[0], found.truth[0], gauge) @ truth[1]
 
 
+def with_breaks(sections, values):
+    """Rows (N, ...) with one of nan where a new section begins, across which no line is to be drawn; sections: None or (N,)."""
+    breaks = [] if sections is None else np.flatnonzero(np.diff(sections)) + 1
+    return np.insert(np.asarray(values, dtype=float), breaks, np.nan, axis=0)
+
+
+def truth_line(stamps, poses):
+    """Positions (N, 3) m of a truth to draw, interrupted by nan where it has gaps."""
+    return with_breaks(truth_sections(stamps, stamps), poses[:, :3, 3])
+
+
 def align(trajectory, truth):
     """Positions (N, 3) m of trajectory = (stamps (N,) s, poses (N, 4, 4)), rigidly aligned with those of the truth."""
     stamps, poses = trajectory
@@ -130,6 +173,8 @@ def align(trajectory, truth):
 def describe(name, evaluation):
     """One line of text."""
     text = "%s: ATE %.3f m (%s, %d poses)" % (name, evaluation.ate, evaluation.body, evaluation.matched)
+    if evaluation.positions_only:
+        return text + ", the truth has positions alone"
     if evaluation.kitti.count == 0:
         return text + ", too short for sub-sequences of 100 m"
     return text + ", t_rel %.3f %%, r_rel %.3f deg/100 m (%d sub-sequences)" % (
@@ -138,8 +183,10 @@ def describe(name, evaluation):
 
 def title_of_errors(slam, dead_reckoning=None):
     """The lines under the title of a picture from a common start. Both are Evaluations."""
-    return "ATE %s, of a rigid alignment that is not drawn;\nfrom a common start, as drawn: wrong by %s at the end" % (
-        _both(slam.ate, dead_reckoning and dead_reckoning.ate),
+    ate = "ATE %s, of a rigid alignment that is not drawn" % _both(slam.ate, dead_reckoning and dead_reckoning.ate)
+    if slam.positions_only:
+        return ate
+    return ate + ";\nfrom a common start, as drawn: wrong by %s at the end" % (
         _both(slam.error[-1], dead_reckoning and dead_reckoning.error[-1]))
 
 

@@ -4,14 +4,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from vi_ekf_slam.evaluation.against_truth import with_breaks
 from vi_ekf_slam.evaluation.consistency import POSE_AXES, chi_square_bounds
 from vi_ekf_slam.evaluation.metrics import KITTI_LENGTHS, mean_kitti_errors
 from vi_ekf_slam.evaluation.run_io import FRAME_TIME
-from vi_ekf_slam.evaluation.top_view import DEAD_RECKONING_ON_TOP, SLAM_STYLE
+from vi_ekf_slam.evaluation.top_view import DASHES, DEAD_RECKONING_ON_TOP, SLAM_STYLE
 
 NEES_FLOOR = 0.1  # of the axis; below it an error is of no interest
 START_S = 10.0  # s at the beginning that have panels of their own, in drives that are three times as long at least
-DASHES = (0, (4, 4))
 SAWTOOTH = (
     "Sawtooth: tracks are lost one by one, until the front end detects anew. In %d frames nothing is used because all ids are\n"
     "new: so dataset_to_bag.py repairs stale frames, which repeat the pixels of the frame before.")
@@ -23,7 +23,10 @@ def draw_errors(title, consistency):
     Bounds grow, so that what happens in the first START_S is drawn once more, to its own scale, beside each.
     """
     rows = 3 if consistency.nees is None else 4
-    time = consistency.stamps - consistency.stamps[0]
+    consistency = consistency._replace(**{
+        name: values if values is None else with_breaks(consistency.sections, values)
+        for name, values in consistency._asdict().items() if name != "sections"})
+    time = np.fmax.accumulate(consistency.stamps - consistency.stamps[0])  # a break is at the moment before it
     has_start = time[-1] >= 3.0 * START_S
     figure = Figure(figsize=(17.0 if has_start else 12.0, 2.7 * rows + 0.6), dpi=110)
     grid = figure.add_gridspec(rows, 4, hspace=0.5, wspace=0.33, top=0.92, width_ratios=[2.2, 1.0] * 2) if has_start \
@@ -139,7 +142,8 @@ def draw_drift(title, lines):
     grid = figure.add_gridspec(2, 2, hspace=0.35, wspace=0.22, top=0.91)
     error = figure.add_subplot(grid[0, :])
     for label, evaluation, style in lines:
-        error.plot(evaluation.distance, evaluation.error, label=label, **style)
+        error.plot(*(with_breaks(evaluation.sections, values) for values in (evaluation.distance, evaluation.error)),
+                   label=label, **style)
     error.set_xlim(0.0, max(evaluation.way for _, evaluation, _ in lines))
     error.set_ylim(bottom=0.0)
     error.set_xlabel("distance along the truth (m)")

@@ -106,6 +106,8 @@ def zoom_limits(words, maps, selected, limits):
         x, y = common_place(maps[0].trajectory, selected, side)
     else:
         x, y, side = words
+    if not np.isfinite([x, y, side]).all():
+        raise InputError("--zoom is %g %g %g, allowed: finite numbers" % (x, y, side))
     if not side > 0.0:
         raise InputError("--zoom has the side %g m, allowed: more than 0" % side)
     return (x - 0.5 * side, x + 0.5 * side), (y - 0.5 * side, y + 0.5 * side)

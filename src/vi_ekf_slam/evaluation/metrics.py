@@ -14,6 +14,7 @@ KittiErrors.__doc__ = """t_rel in %, r_rel in deg per 100 m, averaged over `coun
 
 RelativeErrors = namedtuple("RelativeErrors", "translation rotation count")
 RelativeErrors.__doc__ = """RMS over `count` pairs of poses: translation in m, rotation in deg (nan when there are none)."""
+NO_RELATIVE_ERRORS = RelativeErrors(float("nan"), float("nan"), 0)
 
 
 def rigid_alignment(source, target):
@@ -45,20 +46,27 @@ def anchored_errors(estimate, truth):
     return np.linalg.norm((inverse(estimate[0]) @ estimate - inverse(truth[0]) @ truth)[:, :3, 3], axis=1)
 
 
-def distances(positions):
-    """Distance (N,) in m along (N, 3) positions or (N, 4, 4) poses up to each of them."""
-    steps = np.diff(_positions(positions), axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+def distances(positions, sections=None):
+    """Distance (N,) in m along (N, 3) positions or (N, 4, 4) poses up to each of them.
+
+    sections (N,): a number for each stretch between gaps, None: one stretch. The way across a gap is not known and left out.
+    """
+    steps = np.linalg.norm(np.diff(_positions(positions), axis=0), axis=1)
+    if sections is not None:
+        steps = np.where(np.diff(sections) == 0, steps, 0.0)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def pairs_ahead(values, delta):
+def pairs_ahead(values, delta, sections=None):
     """Index pairs (first, last), each an array: last is the first row whose value is `delta` or more above first's.
 
     values: (N,) increasing, stamps in s or distances in m. Rows with nothing that far ahead have no pair. What is short
-    of delta by less than its millionth part counts: stamps are rounded.
+    of delta by less than its millionth part counts: stamps are rounded. sections: of distances; no pair spans a gap.
     """
     last = np.searchsorted(values, np.asarray(values) + delta * (1.0 - 1e-6), side="left")
     first = np.flatnonzero(last < len(values))
+    if sections is not None:
+        first = first[sections[first] == sections[last[first]]]
     return first, last[first]
 
 
@@ -70,26 +78,27 @@ def relative_pose_errors(estimate, truth, pairs):
     """
     errors = _relative_errors(*_same_length(estimate, truth, (4, 4)), *pairs)
     if len(errors) == 0:
-        return RelativeErrors(float("nan"), float("nan"), 0)
+        return NO_RELATIVE_ERRORS
     translation, rotation = np.sqrt(np.mean(errors**2, axis=0))
     return RelativeErrors(float(translation), float(np.degrees(rotation)), len(errors))
 
 
-def kitti_segments(estimate, truth, lengths=KITTI_LENGTHS, step=KITTI_STEP):
+def kitti_segments(estimate, truth, lengths=KITTI_LENGTHS, step=KITTI_STEP, sections=None):
     """Errors of sub-sequences of given lengths (m along the truth), one starting at every step-th frame.
 
     estimate, truth: (N, 4, 4) poses of the same body, row by row; their world frames need not agree.
     As in the development kit of the KITTI odometry benchmark (Geiger et al., CVPR 2012): a sub-sequence ends at the
-    first frame MORE than its length away, and its error is divided by the nominal length.
+    first frame MORE than its length away, and its error is divided by the nominal length. sections: of distances; none
+    spans a gap.
     Returns (S, 3): nominal length in m, translation error per m, rotation error in rad per m.
     """
     estimate, truth = _same_length(estimate, truth, (4, 4))
-    distance = distances(truth)
+    distance = distances(truth, sections)
     chosen = []
     for first in range(0, len(truth), step):
         for length in lengths:
             last = int(np.searchsorted(distance, distance[first] + length, side="right"))
-            if last == len(truth):
+            if last == len(truth) or (sections is not None and sections[first] != sections[last]):
                 break  # longer ones do not fit either
             chosen.append((first, last, length))
     first, last, length = np.array(chosen).reshape(-1, 3).T

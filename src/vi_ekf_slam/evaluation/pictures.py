@@ -6,7 +6,7 @@ import os
 import numpy as np
 
 from vi_ekf_slam.common.output_file import check_output, replacing
-from vi_ekf_slam.evaluation.against_truth import align, anchor_truth, panel_titles
+from vi_ekf_slam.evaluation.against_truth import align, anchor_truth, panel_titles, truth_line
 from vi_ekf_slam.evaluation.run_inputs import meets
 
 RUN_PICTURES = ("trajectory", "landmarks", "errors", "frames", "drift")
@@ -22,13 +22,12 @@ def pictures_of_run(result):
     name = top_view.plain(subject.name)
     slam = subject.poses[:, :3, 3]
     dead = subject.dead_reckoning[1][:, :3, 3] if subject.dead_reckoning else None
-    truth = None
-    if subject.truth is not None:
-        truth = anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge)[:, :3, 3]
+    truth, positions_only = None, result.slam and result.slam.positions_only
+    if subject.truth is not None and not positions_only:
+        truth = truth_line(subject.truth[0], anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge))
     if result.slam:
-        yield ("trajectory", top_view.draw_alignments(
-            "%s, seen from above" % name, list(zip(panel_titles(result.slam, result.dead_reckoning),
-                                                   _alignments(subject, slam, dead, truth)))))
+        panels = list(zip(panel_titles(result.slam, result.dead_reckoning), _alignments(subject, slam, dead, truth)))
+        yield ("trajectory", top_view.draw_alignments("%s, seen from above" % name, panels[1:] if positions_only else panels))
     else:
         yield ("trajectory", top_view.draw_run(name, slam, dead, truth, (), ()))
     if run and len(run.landmarks):
@@ -37,14 +36,14 @@ def pictures_of_run(result):
                                    run.horizontal_deviations(), run.landmark_covariances)
         yield ("landmarks", figure)
     if result.consistency:
-        what = ": pose of the IMU, error and 3-sigma bounds about the world's axes" if subject.truth is not None else \
-            ": pose of the IMU, 3-sigma bounds about the world's axes (no truth)"
+        what = ": pose of the IMU, error and 3-sigma bounds about the world's axes" if result.consistency.nees is not None else \
+            ": pose of the IMU, 3-sigma bounds about the world's axes (no truth%s)" % (" of it" if positions_only else "")
         yield ("errors", graphs.draw_errors(name + what, result.consistency))
     if subject.frames:
         yield ("frames", graphs.draw_frames(name + ": stereo frames", subject.frames))
-    if result.slam:
+    if result.slam and not positions_only:
         judged = [("SLAM", result.slam)] + ([("smoothed", result.smoothed)] if result.smoothed else [])
-        lines = graphs.drift_lines(result.dead_reckoning, judged)
+        lines = graphs.drift_lines(result.dead_reckoning, judged, [False, True][:len(judged)])  # dashed: they nearly agree
         yield ("drift", graphs.draw_drift(
             "%s: drift of the %s from a common start" % (name, result.slam.body), lines))
 
@@ -52,7 +51,7 @@ def pictures_of_run(result):
 def _alignments(subject, slam, dead, truth):
     """Lines of top_view.draw_alignments: from a common start (slam, dead, truth: (N, 3) m, dead may be None), aligned."""
     from vi_ekf_slam.evaluation import top_view
-    started, aligned = [("truth", truth, top_view.TRUTH_STYLE)], [("truth", subject.truth[1][:, :3, 3], top_view.TRUTH_STYLE)]
+    started, aligned = [("truth", truth, top_view.TRUTH_STYLE)], [("truth", truth_line(*subject.truth), top_view.TRUTH_STYLE)]
     if dead is not None:
         started.append(("dead reckoning", dead, top_view.DEAD_RECKONING_STYLE))
         aligned.append(("dead reckoning", align(subject.dead_reckoning, subject.truth), top_view.DEAD_RECKONING_STYLE))
@@ -74,9 +73,9 @@ def pictures_of_comparison(results):
         return
     origin = (first.subject.stamps, first.subject.poses)
     lines = []
-    truth = next((r.subject.truth for r in alike if r.subject.truth is not None), None)
+    truth = next((r.subject.truth for r in alike if r.slam and not r.slam.positions_only), None)
     if truth is not None:
-        lines.append(("truth", anchor_truth(truth, *origin)[:, :3, 3], top_view.TRUTH_STYLE))
+        lines.append(("truth", truth_line(truth[0], anchor_truth(truth, *origin)), top_view.TRUTH_STYLE))
     dead = next((r for r in alike if r.subject.dead_reckoning), None)
     if dead is not None:
         lines.append(("dead reckoning", anchor_truth(dead.subject.dead_reckoning, *origin)[:, :3, 3],
@@ -87,13 +86,13 @@ def pictures_of_comparison(results):
         positions = anchor_truth((subject.stamps, subject.poses), *origin)[:, :3, 3]
         lines.append((top_view.plain(subject.name), positions, style))
     yield ("comparison", top_view.draw_trajectories("%d runs from a common start" % len(alike), lines))
-    judged = [(top_view.plain(r.subject.name), r.slam) for r in alike if r.slam]
-    repeats = [repeat for repeat, r in zip(repeats, alike) if r.slam]
+    judged = [(repeat, r) for repeat, r in zip(repeats, alike) if r.slam and not r.slam.positions_only]
     if judged:
-        dead = next((r.dead_reckoning for r in alike if r.dead_reckoning), None)
+        dead = next((r.dead_reckoning for _, r in judged if r.dead_reckoning), None)
         yield ("comparison_drift", graphs.draw_drift(
-            "drift of the %s from a common start" % " or ".join(sorted({e.body for _, e in judged})),
-            graphs.drift_lines(dead, judged, repeats)))
+            "drift of the %s from a common start" % " or ".join(sorted({r.slam.body for _, r in judged})),
+            graphs.drift_lines(dead, [(top_view.plain(r.subject.name), r.slam) for _, r in judged],
+                               [repeat for repeat, _ in judged])))
 
 
 def _repeats(results):

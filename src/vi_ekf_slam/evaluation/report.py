@@ -20,8 +20,9 @@ DEFINITIONS = {
     "ate_yaw_aligned, orientation": "m, deg: RMSE of the IMU's positions and orientations after alignment by yaw and "
                                     "position over all matched poses, where gravity fixes roll and pitch",
     "ate_anchored": "m: RMSE of the positions when the first matched poses coincide, rotation and all",
-    "end_error": "m, and % of the true path: the anchored position error of the last matched pose",
+    "end_error": "m, and % of the true path, where that has no gap: the anchored position error of the last matched pose",
     "t_rel, r_rel": "%, deg/100 m: KITTI's errors over sub-sequences of 100 to 800 m from every 10th frame",
+    "true_path": "m: without what lies in gaps of the truth; t_rel, r_rel and rpe leave out what spans one",
     "rpe": "m, deg: RMSE of inv(inv(Q_i) Q_j) inv(P_i) P_j (truth Q, estimate P) over all i; j is the next frame, "
            "the first at least %g s later, the first at least %g m of true path later" % (RPE_SECONDS, RPE_METRES),
     "smoothed": "trajectory_smoothed.tum: the same moments as they are known at the end of the run",
@@ -65,7 +66,8 @@ def _errors(evaluation):
     return _plain({
         "body": e.body, "matched": e.matched, "true_path_m": e.way,
         "ate_m": e.ate, "ate_yaw_aligned_m": e.ate_yaw, "orientation_deg": e.orientation, "ate_anchored_m": e.anchored,
-        "end_error_m": e.error[-1], "end_error_percent": 100.0 * e.error[-1] / e.way if e.way > 0.0 else None,
+        "end_error_m": e.error[-1],
+        "end_error_percent": 100.0 * e.error[-1] / e.way if e.way > 0.0 and not e.sections[-1] else None,
         "t_rel_percent": e.kitti.t_rel, "r_rel_deg_per_100m": e.kitti.r_rel, "sub_sequences": e.kitti.count,
         "rpe": {name: {"translation_m": r.translation, "rotation_deg": r.rotation, "pairs": r.count}
                 for name, r in (("1 frame", e.rpe["frame"]), ("%g s" % RPE_SECONDS, e.rpe["second"]),

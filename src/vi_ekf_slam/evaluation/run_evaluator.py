@@ -7,8 +7,9 @@ import os
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
+from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.dataset.truth import BODIES, MAX_GAP
-from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations
 from vi_ekf_slam.evaluation.gauge import GAUGES
 from vi_ekf_slam.evaluation.pictures import (
     COMPARISON_PICTURES,
@@ -19,10 +20,11 @@ from vi_ekf_slam.evaluation.pictures import (
     save_pictures,
 )
 from vi_ekf_slam.evaluation.report import DEFINITIONS, Result, table, to_data
-from vi_ekf_slam.evaluation.run_inputs import body_of, default_names, find_truth, of_body, read_bag, read_subject
+from vi_ekf_slam.evaluation.run_inputs import (body_of, default_names, extrinsic_to_compare, find_truth, of_body, read_bag,
+                                               read_subject)
 from vi_ekf_slam.evaluation.trajectory_export import export
 
-LEAST_MATCHED = 0.95  # of the poses; where fewer have truth beside them a remark says so
+LEAST_MATCHED = 0.95  # of the poses, or of the time; where less has truth beside it a remark says so
 
 
 def make_parser():
@@ -129,7 +131,7 @@ def _judge(path, name, bag, truth_file, body, options):
         raise InputError("--export-kitti needs --bag: the files hold poses of the left camera")
     reference = read_bag(bag, body)
     subject = read_subject(path, name, reference, options.trajectory_body, options.gauge)
-    subject.bag = bag
+    subject.bag, subject.truth_body = bag, options.truth_body
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
     truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
@@ -142,11 +144,14 @@ def judge_subject(subject):
     truth, slam, dead, consistency, smoothed, smoothed_consistency = subject.truth, None, None, None, None, None
     later = subject.run.smoothed if subject.run else None
     if truth is not None:
-        slam = evaluate(subject.stamps, subject.poses, truth, subject.cam_T_imu, subject.gauge)
+        positions_only = lacks_orientations(subject.poses, truth[1])
+        how = (truth, extrinsic_to_compare(subject.cam_T_imu, positions_only, subject.truth_body), subject.gauge, positions_only)
+        slam = evaluate(subject.stamps, subject.poses, *how)
         if subject.dead_reckoning:
-            dead = evaluate(*subject.dead_reckoning, truth, subject.cam_T_imu, subject.gauge)
+            dead = evaluate(*subject.dead_reckoning, *how)
         if later:
-            smoothed = evaluate(*later, truth, subject.cam_T_imu, subject.gauge)
+            smoothed = evaluate(*later, *how)
+        truth = None if positions_only else truth  # without orientations it says nothing of the covariances
     if subject.covariances is not None:
         consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth, subject.gauge)
     if later and truth is not None and subject.smoothed_covariances is not None:
@@ -163,14 +168,21 @@ def _remarks(results):
         if subject.truth is None:
             yield "%s: no truth, so no errors; --truth or a bag with /ground_truth/path gives it" % subject.name
             continue
-        poses = len(subject.stamps)
+        poses, seconds = len(subject.stamps), subject.stamps[-1] - subject.stamps[0]
         if result.slam.truth_step:
             yield ("%s: the truth is sparser than the trajectory, %.3g s between its poses: compared at its stamps, with the "
                    "trajectory interpolated; its path is cut short, and a frame of RPE is from one of its poses to the next"
                    % (subject.name, result.slam.truth_step))
+            if result.slam.covered < LEAST_MATCHED * seconds:
+                yield "%s: the truth covers %.1f of the %.1f s of the trajectory" % (subject.name, result.slam.covered, seconds)
         elif result.slam.matched < LEAST_MATCHED * poses:
             yield "%s: %d of %d poses have no truth beside them: outside of its time, or in a gap of more than %g s" % (
                 subject.name, poses - result.slam.matched, poses, MAX_GAP)
+        if result.slam.sections[-1]:
+            yield "%s: the truth has gaps: the true path and the relative errors leave out what spans one" % subject.name
+        if result.slam.positions_only:
+            yield ("%s: the truth has one orientation throughout, but the trajectory turns: its positions alone are compared, as "
+                   "the %s's" % (subject.name, result.slam.body))
         if subject.cam_T_imu is None:
             yield "%s: no bag with an extrinsic, so positions of the IMU are compared; %s" % (
                 subject.name, "%s has no left camera and IMU that /tf_static connects" % subject.bag if subject.bag else
@@ -218,5 +230,7 @@ def _report(pictures, folder):
 
 
 def main(argv=None):
-    """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    return exit_status(run_evaluation, make_parser().parse_args(argv))
+    """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
+    options = make_parser().parse_args(argv)
+    with signals_unwind():
+        return exit_status(run_evaluation, options)

@@ -20,6 +20,7 @@ class Subject:
     dead_reckoning: (stamps, poses) or None. run: run_io.Run or None where the source is a file.
     covariances, smoothed_covariances (N, 6, 6) of the poses and of run.smoothed, or None; frames: columns of frames.csv or None.
     gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, poses of the same body) in any world frame, or None.
+    truth_body: of truth.BODIES, as the user said, or None.
     bag: path of its bag or None.
     """
 
@@ -28,7 +29,7 @@ class Subject:
         self.stamps, self.poses = trajectory
         self.gauge = "pose"
         self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = self.bag = None
-        self.smoothed_covariances = None
+        self.smoothed_covariances = self.truth_body = None
 
     @property
     def summary(self):
@@ -74,6 +75,11 @@ def of_body(truth, reference, summary):
     if cam_T_imu is None or not summary.get("body") or summary["body"] != reference.camera:
         return truth, cam_T_imu
     return truth and (truth[0], truth[1] @ inverse(cam_T_imu)), np.eye(4)
+
+
+def extrinsic_to_compare(cam_T_imu, positions_only, truth_body):
+    """cam_T_imu, 4 x 4 or None, for against_truth.evaluate: positions alone do not say where the other body is."""
+    return None if positions_only and truth_body != "left_camera" else cam_T_imu
 
 
 def read_subject(path, name, reference=None, body=None, gauge=None):

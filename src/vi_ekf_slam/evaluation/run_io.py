@@ -99,7 +99,11 @@ def read_summary(path):
     """summary.yaml -> dict; a run without one has an empty summary."""
     if not os.path.exists(path):
         return {}
-    return read_mapping(path)
+    summary = read_mapping(path)
+    resets = summary.get("poses_before_resets")
+    if not isinstance(resets, (list, type(None))):
+        raise InputError("%s: poses_before_resets is %.80r, allowed: a list of numbers of poses" % (path, resets))
+    return summary
 
 
 def read_covariances(path, stamps):

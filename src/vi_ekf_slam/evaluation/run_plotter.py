@@ -7,9 +7,10 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.dataset.truth import BODIES
-from vi_ekf_slam.evaluation.against_truth import anchor_truth, describe, evaluate, title_of_errors
+from vi_ekf_slam.evaluation.against_truth import (anchor_truth, describe, evaluate, lacks_orientations, title_of_errors,
+                                                  truth_line)
 from vi_ekf_slam.evaluation.gauge import gauge_of
-from vi_ekf_slam.evaluation.run_inputs import find_truth, of_body, read_bag
+from vi_ekf_slam.evaluation.run_inputs import extrinsic_to_compare, find_truth, of_body, read_bag
 from vi_ekf_slam.evaluation.run_io import read_run
 
 
@@ -43,19 +44,22 @@ def plot_run(options):
     truth = find_truth(options.truth, options.truth_body, run.stamps, reference, gauge)
     truth, cam_T_imu = of_body(truth, reference, run.summary)
 
-    title, truth_line = _name(options), None
+    title, line = _name(options), None
     if truth:
-        slam = evaluate(run.stamps, run.poses, truth, cam_T_imu)
-        dead = evaluate(run.dead_stamps, run.dead_poses, truth, cam_T_imu)
+        positions_only = lacks_orientations(run.poses, truth[1])
+        how = (truth, extrinsic_to_compare(cam_T_imu, positions_only, options.truth_body), "pose", positions_only)
+        slam = evaluate(run.stamps, run.poses, *how)
+        dead = evaluate(run.dead_stamps, run.dead_poses, *how)
         print(describe("slam", slam))
         print(describe("dead reckoning", dead))
         if run.smoothed:
-            print(describe("smoothed", evaluate(*run.smoothed, truth, cam_T_imu)))
+            print(describe("smoothed", evaluate(*run.smoothed, *how)))
         title += "\n" + title_of_errors(slam, dead)
-        truth_line = anchor_truth(truth, run.stamps, run.poses, gauge)[:, :3, 3]
+        if not positions_only:
+            line = truth_line(truth[0], anchor_truth(truth, run.stamps, run.poses, gauge))
 
     from vi_ekf_slam.evaluation import top_view  # matplotlib is slow to load; complain about inputs first
-    figure = top_view.draw_run(top_view.plain(title), run.poses[:, :3, 3], run.dead_poses[:, :3, 3], truth_line,
+    figure = top_view.draw_run(top_view.plain(title), run.poses[:, :3, 3], run.dead_poses[:, :3, 3], line,
                                run.landmarks, run.horizontal_deviations(), smoothed=run.smoothed and run.smoothed[1][:, :3, 3])
     for path, kind in outputs:
         with replacing(path) as stream:

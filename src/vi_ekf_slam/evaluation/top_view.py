@@ -17,11 +17,12 @@ LONG_SIDE = 9.0  # inch
 CELLS = 26  # along the longer side of the view; a cell holds at most one ellipse
 ENLARGEMENTS = (1, 2, 5, 10, 20, 50, 100)
 SIGMAS_95 = 2.4477  # a plane normal distribution lies within so many standard deviations with 95 %
+DASHES = (0, (4, 4))  # of a line over one that it nearly agrees with, so that both are seen
 TRUTH_STYLE = {"color": "black", "linewidth": 2.6, "zorder": 3}
 DEAD_RECKONING_STYLE = {"color": "tab:gray", "linewidth": 1.4, "linestyle": "--", "zorder": 4}
 DEAD_RECKONING_ON_TOP = dict(DEAD_RECKONING_STYLE, zorder=5.5)  # beside runs that may be equal to it
 SLAM_STYLE = {"color": "tab:red", "linewidth": 1.4, "zorder": 5}
-SMOOTHED_STYLE = {"color": "tab:blue", "linewidth": 1.4, "zorder": 6}
+SMOOTHED_STYLE = {"color": "tab:blue", "linewidth": 1.4, "linestyle": DASHES, "zorder": 6}
 
 
 def view_limits(trajectories, min_aspect=MIN_ASPECT, landmarks=()):
@@ -31,7 +32,7 @@ def view_limits(trajectories, min_aspect=MIN_ASPECT, landmarks=()):
     the picture. landmarks: (L, 2 or more) m. min_aspect: of the shorter side to the longer one.
     """
     points = np.vstack([t[:, :2] for t in trajectories])
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)  # nan: where a truth has a gap
     extent = float((high - low).max())
     if len(landmarks):
         near = landmarks[~np.any((landmarks[:, :2] < low - ROOM * extent) | (landmarks[:, :2] > high + ROOM * extent), axis=1), :2]

@@ -44,6 +44,7 @@ def test_formats_are_told_apart_by_their_columns(write):
     ([tum_line(1, (0, 0, 0), (0, 0, 0, 0.9))], "line 1 has a quaternion of norm 0.9"),
     ([tum_line(1, (0, 0, 0)), tum_line(1, (0, 0, 0))], "not increasing"),
     (["# nothing"], "holds no pose"),
+    (["#timestamp, p_x", "1403636580838555648,4.688,-1.786,0.783,0.534,-0.153,-0.827,-0.082"], "line 2 has commas, .*_to_bag.py"),
 ])
 def test_malformed_files_are_refused(write, lines, message):
     path = write(*lines)
@@ -60,6 +61,13 @@ def test_unreadable_files_are_refused(tmp_path):
     (tmp_path / "binary").write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match="not a text file"):
         read_pose_file(str(tmp_path / "binary"))
+
+
+@pytest.mark.parametrize("head", ["\ufeff", "# Wahrheit f\u00fcr 0027\n", "\ufeff# t x y z\n"])
+def test_text_of_other_editors_is_read(tmp_path, head):
+    path = tmp_path / "truth.tum"
+    path.write_text(head + tum_line(3.5, (1, 2, 3)) + "\n", encoding="utf-8")
+    assert list(read_pose_file(str(path))[0]) == [3.5]
 
 
 def test_read_tum_refuses_kitti(write):

@@ -57,7 +57,8 @@ def test_a_picture_is_drawn(run, bag, tmp_path):
 
 @pytest.mark.parametrize("options, message", [
     (["--output", "maps.pdf"], "ends in .png"), (["--names", "a", "b"], "2 names for 1 runs"),
-    (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--features", "/none"], "has no features on /none; of pictures, run_bag --save-features"),
+    (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--zoom", "nan", "0", "5"], "--zoom is nan 0 5, allowed: finite"),
+    (["--features", "/none"], "has no features on /none; of pictures, run_bag --save-features"),
     (["--bag", "none.bag"], "no such file")])
 def test_bad_requests_are_refused(run, bag, tmp_path, capsys, options, message):
     assert main([str(run), "--bag", bag, "--output", str(tmp_path / "maps.png")] + options) == 2

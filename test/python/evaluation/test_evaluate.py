@@ -142,6 +142,9 @@ def test_poses_before_resets_are_named(full_run):
     done = script("evaluate.py", full_run, "--no-plots")
     assert "31 poses before a reset, in %s" % (full_run / "before_reset_1") in done.stdout, done.stderr
     assert "5 poses before a reset, in %s" % (full_run / "before_reset_2") in done.stdout
+    (full_run / "summary.yaml").write_text("poses_before_resets: 5\n")
+    done = script("evaluate.py", full_run, "--no-plots")
+    assert done.returncode == 2 and "%s: poses_before_resets is 5, allowed: a list" % (full_run / "summary.yaml") in done.stderr
 
 
 def test_a_run_of_trajectories_alone_will_do(run):
@@ -208,7 +211,8 @@ def test_one_dead_reckoning_has_one_column():
 def test_poses_without_truth_beside_them_are_remarked():
     subject = SimpleNamespace(name="a", summary={}, truth=(), cam_T_imu=np.eye(4), stamps=np.arange(100.0))
     for matched, words in ((97, []), (60, ["a: 40 of 100 poses have no truth beside them"])):
-        remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(matched=matched, truth_step=None))]))
+        remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(
+            matched=matched, truth_step=None, sections=[0], positions_only=False))]))
         assert len(remarks) == len(words) and all(word in remark for word, remark in zip(words, remarks))
 
 

@@ -103,6 +103,20 @@ def test_distance_is_along_the_way():
     assert np.allclose(distances(np.array([[0.0, 0, 0], [3.0, 4.0, 0], [3.0, 4.0, 12.0], [0.0, 0, 12.0]])), [0, 5, 17, 22])
 
 
+def test_what_spans_a_gap_is_left_out():
+    # 1 m a frame, of which 50 are missing in the middle: 150 m on either side, and 51 m across that are not known.
+    truth = straight_drive(351, 1.0)[np.r_[0:151, 201:351]]
+    estimate, sections = truth.copy(), np.repeat([0, 1], [151, 150])
+    estimate[151:, 0, 3] += 7.0  # lost in the gap
+    assert distances(truth, sections)[-1] == pytest.approx(150.0 + 149.0) and distances(truth)[-1] == pytest.approx(350.0)
+    first, last = pairs_ahead(np.arange(301), 1, sections)
+    assert len(first) == 299 and not np.any((first <= 150) & (last > 150))
+    assert relative_pose_errors(estimate, truth, (first, last)).translation == pytest.approx(0.0, abs=1e-9)
+    segments = kitti_segments(estimate, truth, sections=sections)
+    assert len(segments) == 5 + 4 and np.allclose(segments[:, 1], 0.0)  # 100 m from the rows 0 to 40 and 160 to 190
+    assert kitti_segments(estimate, truth)[:, 1].max() > 0.03
+
+
 def test_pairs_reach_to_the_first_row_that_is_far_enough():
     first, last = pairs_ahead(np.array([0.0, 1.0, 5.0, 6.5]), 2.0)
     assert list(first) == [0, 1] and list(last) == [2, 2]

@@ -1,15 +1,18 @@
 """Reading, judging and drawing a run directory."""
 
 import os
+import signal
 
 import numpy as np
 import pytest
 from conftest import LANDMARK_HEADER as HEADER
 from conftest import TRUE_POSITIONS, drive, is_png, script, tum
 
+from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform, se3_exp
-from vi_ekf_slam.evaluation import top_view
+from vi_ekf_slam.dataset.pose_files import read_tum
+from vi_ekf_slam.evaluation import pictures, run_evaluator, top_view
 from vi_ekf_slam.evaluation.against_truth import anchor_truth, evaluate
 from vi_ekf_slam.evaluation.plots import KINDS
 from vi_ekf_slam.evaluation.run_io import read_run
@@ -173,3 +176,22 @@ def test_plot_takes_each_kind_to_its_module(kind):
     result = script("plot.py", kind, "--help")
     assert result.returncode == 0 and result.stdout.startswith("usage: plot.py %s " % kind), result.stderr
     assert script("plot.py", kind, "--nonsense").returncode == 2
+
+
+def test_the_smoothed_line_lets_slam_be_seen(run, bag):
+    moved = [(x, y + 0.01, z) for x, y, z in TRUE_POSITIONS]
+    (run / "trajectory_smoothed.tum").write_text(tum(moved))
+    subject = run_evaluator.read_subject(str(run), "run", read_reference(bag))
+    subject.truth = read_tum(str(run / "trajectory.tum"))
+    figures = dict(pictures.pictures_of_run(run_evaluator.judge_subject(subject)))
+    for name in ("trajectory", "drift"):
+        for axes in figures[name].axes:
+            styles = {line.get_label(): line.get_linestyle() for line in axes.get_lines()}
+            assert (styles["SLAM"], styles["smoothed"]) == ("-", "--"), (name, styles)
+
+
+def test_a_signal_ends_it_without_a_traceback(monkeypatch):
+    monkeypatch.setattr(run_evaluator, "run_evaluation", lambda _: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(SystemExit) as ended:
+        run_evaluator.main(["run"])
+    assert ended.value.code == 128 + signal.SIGINT
