@@ -20,6 +20,9 @@ DEFAULT_GYRO_SIGMA = 0.05  # rad/s
 VELOCITY_BIAS_SIGMA = 0.001  # m/s
 NOISY_GYRO_BIAS_SIGMA = 0.01  # rad/s, of what was added to the course's drives
 INS_GYRO_BIAS_SIGMA = 0.0003  # rad/s, 1 deg/min: what an inertial navigation system leaves at most
+# m/s, rad/s: better than any sensor, and what a twist may be at most (loader.MAX_SPEED). Messages hold the square, a number
+# above 0.
+SIGMA_LIMITS = 1e-12, 1e3
 
 
 def make_parser():
@@ -81,11 +84,19 @@ def add_bias_options(parser):
 
 
 def check_sigmas(options):
-    """InputError unless all of them are positive."""
+    """InputError unless all of them are positive and within SIGMA_LIMITS."""
     for name, unit in (("velocity_sigma", "m/s"), ("gyro_sigma", "rad/s"), ("velocity_bias_sigma", "m/s"),
                        ("gyro_bias_sigma", "rad/s")):
-        if getattr(options, name) is not None:
-            checks.require_positive(getattr(options, name), "--" + name.replace("_", "-"), unit)
+        sigma, option = getattr(options, name), "--" + name.replace("_", "-")
+        if sigma is not None and not SIGMA_LIMITS[0] <= checks.require_positive(sigma, option, unit) <= SIGMA_LIMITS[1]:
+            raise InputError("%s is %g %s, allowed: from %g to %g" % (option, sigma, unit, *SIGMA_LIMITS))
+
+
+def check_bag_output(path, source):
+    """InputError unless a bag can be put there: a glob that matches a second drive must not have it replaced."""
+    check_output(path, source)
+    if not path.endswith(".bag"):
+        raise InputError("OUT.bag is %s, allowed: a name that ends in .bag" % path)
 
 
 def convert(options):
@@ -97,7 +108,7 @@ def convert(options):
     if not options.info:
         if options.output is None:
             raise InputError("OUT.bag is missing; only --info works without it")
-        check_output(options.output, options.input)
+        check_bag_output(options.output, options.input)
         _bag_writer()  # complain before the work, not after it
 
     recording = load_recording(options, vars(make_parser().parse_args(["--", options.input])))

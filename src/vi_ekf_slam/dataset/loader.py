@@ -13,6 +13,8 @@
 
 import os
 
+import numpy as np
+
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.dataset.extrinsic import check_transform, read_extrinsic
@@ -85,8 +87,8 @@ def load_dataset(path, extrinsic="repaired", without_features=False, max_memory_
 def _one_of(path, keys, names):
     present = [name for name in names if name in keys]
     if len(present) != 1:
-        raise InputError("%s: holds %s, allowed: exactly one of the keys '%s' and '%s'"
-                         % (path, "both" if present else "neither", *names))
+        raise InputError("%s: holds %s, allowed: exactly one of the keys '%s' and '%s'; the file holds: %s"
+                         % (path, "both" if present else "neither", *names, ", ".join(keys) or "nothing"))
     return present[0]
 
 
@@ -138,6 +140,11 @@ def _features(path, features, frames):
     if features.size and not (-MAX_PIXEL <= features.min() and features.max() <= MAX_PIXEL):
         raise InputError("%s reach from %g to %g px, allowed: within +-%g"
                          % (name, features.min(), features.max(), MAX_PIXEL))
+    zeros = ~features.any(axis=0)
+    if zeros.any():
+        track, frame = np.unravel_index(int(np.argmax(zeros)), zeros.shape)
+        raise InputError("%s are 0 0 0 0 px %d times, first of landmark %d at index %d of time_stamps, allowed: "
+                         "-1 -1 -1 -1 where it is unseen" % (name, zeros.sum(), track, frame))
     unseen = features == -1.0
     seen = ~unseen.any(axis=0)
     return {"features": features, "seen": seen, "partial": int((~seen & ~unseen.all(axis=0)).sum())}

@@ -14,7 +14,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.recordings import truth_poses
-from vi_ekf_slam.recordings.calibration_files import camchain, sensor_camera, sensor_pose, timeshift
+from vi_ekf_slam.recordings.calibration_files import camchain, contradictions, sensor_camera, sensor_pose, timeshift
 from vi_ekf_slam.recordings.csv_table import read_rows, read_stamp, read_table
 from vi_ekf_slam.recordings.image_files import Faults, list_images, whole_pairs
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
@@ -57,6 +57,7 @@ def load_asl(folder, options):
     shift = timeshift(chain) if chain else None
     if shift:
         recording.notes.append("clock: give calibration/time_offset: %.9f in the configuration; a bag has no place for it" % shift)
+    recording.notes += contradictions(chain, left, right) if chain else []
     noise = noise_of(folder, base)
     if noise is None:
         recording.notes.append("noise of the IMU: not stated")

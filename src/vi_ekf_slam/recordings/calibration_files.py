@@ -4,10 +4,11 @@ import numpy as np
 
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse
+from vi_ekf_slam.common.geometry import inverse, so3_log
 from vi_ekf_slam.common.yaml_file import read_mapping
-from vi_ekf_slam.dataset.extrinsic import check_transform
+from vi_ekf_slam.dataset.extrinsic import ROTATION_TOLERANCE, check_transform
 from vi_ekf_slam.recordings.rectification import MODELS, RawCamera
+
 MAX_TIME_OFFSET = 1.0  # s
 
 
@@ -49,16 +50,32 @@ def camchain(path, imu_T_left=None):
     return tuple(cameras)
 
 
-def timeshift(path):
+def timeshift(path, name="cam0"):
     """s that Kalibr's camchain has to be added to a picture's stamp for the IMU's clock; None where it says nothing."""
-    shift = read_mapping(path)["cam0"].get("timeshift_cam_imu")
+    shift, where = read_mapping(path)[name].get("timeshift_cam_imu"), "%s: %s: timeshift_cam_imu" % (path, name)
     if shift is None:
         return None
-    shift = float(numbers(shift, (), path + ": cam0: timeshift_cam_imu"))
+    shift = float(numbers(shift, (), where))
     if abs(shift) > MAX_TIME_OFFSET:
-        raise InputError("%s: cam0: timeshift_cam_imu is %g s, allowed: -%g to %g"
-                         % (path, shift, MAX_TIME_OFFSET, MAX_TIME_OFFSET))
+        raise InputError("%s is %g s, allowed: -%g to %g" % (where, shift, MAX_TIME_OFFSET, MAX_TIME_OFFSET))
     return shift
+
+
+def contradictions(path, left, right):
+    """Lines of text: what a camchain says of both cameras and not alike. left, right: what camchain() takes of it."""
+    lines, first, second = [], timeshift(path), timeshift(path, "cam1")
+    if first is None and second is not None:
+        lines.append("clock: cam1 has a timeshift_cam_imu of %.3f ms, cam0 has none: none is taken" % (1e3 * second))
+    elif second is not None and round(1e3 * (second - first), 3) != 0.0:
+        lines.append("clock: timeshift_cam_imu of cam1 differs by %.3f ms from that of cam0, which is taken" % (1e3 * (second - first)))
+    stated = read_mapping(path)["cam1"].get("T_cn_cnm1")
+    if stated is not None:
+        error = inverse(transform(stated, path + ": cam1: T_cn_cnm1")) @ inverse(right.imu_T_cam) @ left.imu_T_cam
+        turn, way = np.linalg.norm(so3_log(error[:3, :3])), np.linalg.norm(error[:3, 3])
+        if max(turn, way) > ROTATION_TOLERANCE:  # of the digits that files keep: rad, m
+            lines.append("cam1: T_cn_cnm1 is %.2f deg and %.1f mm from what is taken, the transforms of both cameras to the IMU"
+                         % (np.degrees(turn), 1e3 * way))
+    return lines
 
 
 def _camera(values, path, distortion_key, imu_T_cam):

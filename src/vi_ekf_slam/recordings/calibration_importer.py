@@ -48,9 +48,11 @@ def make_parser():
 def describe(rig):
     """Lines of text: what a reader can compare with the rig in front of him."""
     left, baseline = rig.left, np.linalg.norm(rig.left_T_right[:3, 3])
+    focal_length, centre = left.projection[0, [0, 2]]
+    field = np.degrees(np.arctan(centre / focal_length) + np.arctan((left.size[0] - centre) / focal_length))
     x, y, z = rig.imu_T_left[:3, 3]
     lines = ["calibration: %s" % rig.format,
-             "pictures: %d x %d px, %s, rectified focal length %.1f px" % (*left.size, left.model, left.projection[0, 0]),
+             "pictures: %d x %d px, %s, rectified focal length %.1f px, %.0f deg wide" % (*left.size, left.model, focal_length, field),
              "baseline: %.4f m" % baseline,
              "left camera in the IMU's axes: at (%.4f, %.4f, %.4f) m, looks along (%.3f, %.3f, %.3f), its right is "
              "(%.3f, %.3f, %.3f)" % (x, y, z, *rig.imu_T_left[:3, 2], *rig.imu_T_left[:3, 0])]
@@ -61,7 +63,7 @@ def describe(rig):
                   "           accelerometer %g %s, its bias %g %s" % (rig.noise[2], UNITS[2], rig.noise[3], UNITS[3])]
     if rig.time_offset is not None:
         lines.append("clock: a picture's stamp plus %.6f s is the IMU's (calibration/time_offset)" % rig.time_offset)
-    return lines
+    return lines + list(rig.notes)
 
 
 def import_calibration(options):

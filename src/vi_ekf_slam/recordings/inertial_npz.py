@@ -34,6 +34,7 @@ KEYS = ("imu_t", "imu_gyro", "imu_accel", "cam_t", "frame_ptr", "uv")  # by whic
 SIGMA_STEPS = 64.0  # of sigma_q in a pixel
 WEIGHTS = np.array([2.0, 1.0, 2.0, 1.0]) / 6.0  # of the variances of uL, vL, uR and vR
 QUATERNION_TOLERANCE = 1e-3
+MAX_ID = 2.0**53  # arrays are read as float64, in which ids from there on are no longer told apart
 
 
 def load(path, options):
@@ -54,7 +55,7 @@ def load_inertial_npz(path, max_memory_mb):
         features = _features(npz, frame_stamps)
         intrinsics = npz.array("K", (3, 3))
         checks.require_intrinsics(intrinsics, "%s: K" % path)
-        features, size, shift = _whole_picture(features, npz.array("image_size", (2,)))
+        features, size, shift = _whole_picture(features, npz.image_size())
         intrinsics[:2, 2] += shift
         baseline = npz.positive("baseline", MAX_BASELINE)
         left, right = rectified_pair(size, intrinsics, baseline)
@@ -93,6 +94,13 @@ class _Checked:
         checks.require_within(value.reshape(1), limit, "%s: %s" % (self.path, key), "m")
         return checks.require_positive(float(value), "%s: %s" % (self.path, key))
 
+    def image_size(self):
+        """(2,) px."""
+        size = self.array("image_size", (2,))
+        if not (1.0 <= size.min() and size.max() <= MAX_PIXEL):
+            raise InputError("%s: image_size is %g x %g px, allowed: from 1 to %g" % (self.path, *size, MAX_PIXEL))
+        return size
+
     def stamps(self, key, offset):
         """(N,) ns; `offset` ns is added."""
         seconds = self.array(key, (None,))
@@ -122,6 +130,8 @@ def _features(npz, stamps):
         if (values != np.floor(values)).any() or (values < 0).any():
             raise InputError("%s: %s holds %g, allowed: whole numbers from 0 on"
                              % (npz.path, key, values[(values != np.floor(values)) | (values < 0)][0]))
+    if len(ids) and ids.max() >= MAX_ID:
+        raise InputError("%s: id holds %g, allowed: below 2^53" % (npz.path, ids.max()))
     if starts[0] != 0 or starts[-1] != len(ids) or (np.diff(starts) < 0).any():
         raise InputError("%s: frame_ptr goes from %d to %d, allowed: from 0 up to the %d rows, never down"
                          % (npz.path, starts[0], starts[-1], len(ids)))

@@ -4,6 +4,7 @@ from collections import namedtuple
 
 import numpy as np
 
+from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.recordings.recording import Camera
@@ -34,6 +35,7 @@ def rectify(left, right, source):
     else:
         matrices = cv2.stereoRectify(*arguments, flags=cv2.CALIB_ZERO_DISPARITY, alpha=0.0)[:4]
     left_R, right_R, left_P, right_P = (np.asarray(matrix) for matrix in matrices)
+    checks.require_intrinsics(left_P[:, :3], "%s: P of the rectified pair" % source)
     if not right_P[0, 3] < 0.0 or abs(right_P[1, 3]) > 0.0:
         raise InputError("%s: the second camera is at (%g, %g, %g) m of the first, allowed: to its right"
                          % (source, *inverse(right_T_left)[:3, 3]))

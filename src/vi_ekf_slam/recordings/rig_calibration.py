@@ -12,8 +12,8 @@ from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings import asl
-from vi_ekf_slam.recordings.calibration_files import (camchain, numbers, sensor_camera, sensor_pose, timeshift,
-                                                      transform)
+from vi_ekf_slam.recordings.calibration_files import (camchain, contradictions, numbers, sensor_camera, sensor_pose,
+                                                      timeshift, transform)
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera
@@ -23,9 +23,10 @@ from vi_ekf_slam.recordings.rectification import rectify
 ROS_MODELS = {"plumb_bob": (4, 5, 8), "rational_polynomial": (4, 5, 8), "equidistant": (4,), "fisheye": (4,)}
 PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
 
-RigCalibration = namedtuple("RigCalibration", "format left right imu_T_left left_T_right noise time_offset")
+RigCalibration = namedtuple("RigCalibration", "format left right imu_T_left left_T_right noise time_offset notes", defaults=((),))
 RigCalibration.__doc__ = """format: text. left, right: recording.Camera. imu_T_left, left_T_right: 4 x 4, of the cameras as
-mounted where the pictures are raw. noise: imu_noise.ImuNoise, or None: not stated. time_offset: s to be added to a picture's stamp for the IMU's clock, or None."""
+mounted where the pictures are raw. noise: imu_noise.ImuNoise, or None: not stated. time_offset: s to be added to a picture's stamp for the IMU's clock, or None.
+notes: lines of text, where the calibration contradicts itself."""
 
 
 def read_calibration(paths, imu=None, imu_T_left=None):
@@ -79,7 +80,8 @@ def _folder(folder, imu_T_left):
 
 
 def _kalibr(path, imu_T_left):
-    return _raw("Kalibr's camchain", camchain(path, imu_T_left), path, None, timeshift(path))
+    left, right = camchain(path, imu_T_left)
+    return _raw("Kalibr's camchain", (left, right), path, None, timeshift(path))._replace(notes=contradictions(path, left, right))
 
 
 def _asl(base):

@@ -46,6 +46,21 @@ def test_options_out_of_range(save, tmp_path, option, value):
     refused(script("dataset_to_bag.py", save(drive()), tmp_path / "out.bag", option, value), option, value, "above 0")
 
 
+@pytest.mark.parametrize("option", ["--velocity-sigma", "--gyro-sigma", "--velocity-bias-sigma", "--gyro-bias-sigma"])
+@pytest.mark.parametrize("value", ["1e200", "1e-200"])
+def test_sigmas_whose_square_is_no_number_above_0(save, tmp_path, option, value):
+    refused(script("dataset_to_bag.py", save(drive()), tmp_path / "out.bag", option, value), option, "allowed: from 1e-12 to 1000")
+
+
+def test_a_second_drive_is_not_replaced(save, tmp_path):
+    """As `dataset_to_bag.py 00*.npz` would."""
+    first, second = save(drive(), "0027.npz"), save(drive(), "0034.npz")
+    before = open(second, "rb").read()
+    for name, options in (("dataset_to_bag.py", ()), ("degraded_bag.py", ("--truth", "none.txt"))):
+        refused(script(name, first, second, *options), second, "allowed: a name that ends in .bag")
+    assert open(second, "rb").read() == before
+
+
 def test_outputs_that_cannot_be(save, tmp_path):
     source = save(drive())
     folder = tmp_path / "none"

@@ -139,6 +139,10 @@ def test_the_converted_covariance_is_that_of_samples_drawn_in_the_files_conventi
     ({"gyro_density": np.float64(0.0)}, "gyro_density is 0, allowed: finite and above 0"),
     ({"frame_ptr": np.array([0, 4, 3, 8])}, "frame_ptr goes from 0 to 8"),
     ({"id": np.arange(8) + 0.5}, "id holds 0.5, allowed: whole numbers"),
+    ({"id": np.arange(8, dtype=np.uint64) + np.uint64(2**63)}, r"id holds 9.22337e\+18, allowed: below 2\^53"),
+    ({"id": np.arange(8) + 2**53 - 7}, r"id holds 9.0072e\+15, allowed: below 2\^53"),
+    ({"image_size": np.array([-5, 1e9])}, r"image_size is -5 x 1e\+09 px, allowed: from 1 to 100000"),
+    ({"image_size": np.array([752, 0])}, "image_size is 752 x 0 px"),
     ({"sigma_q": np.zeros((8, 4))}, "sigma_q holds 0, allowed: above 0"),
     ({"gravity": np.array([0.0, 9.81, 0.0])}, "gravity is .*allowed: 0 0 -g"),
     ({"P0_tight": -np.eye(15)}, "P0_tight has the eigenvalue -1"),
@@ -156,6 +160,12 @@ def test_what_is_wrong_is_named(save, changes, complaint):
 def test_nothing_is_written_when_a_drive_is_refused(save, tmp_path):
     assert main([save(inertial_drive(P0_tight=np.zeros((15, 15)))), str(tmp_path / "out.bag"), "--quiet"]) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["drive.npz"]
+
+
+@pytest.mark.parametrize("key", ["imu_t", "cam_t", "uv"])
+def test_a_key_by_which_the_format_is_known_is_named_where_it_is_missing(save, tmp_path, capfd, key):
+    assert main([save(inertial_drive(**{key: None})), str(tmp_path / "out.bag")]) == 2
+    assert "key '%s' is missing; the file holds: K, P0_tight, " % key in capfd.readouterr().err
 
 
 def test_options_that_would_do_nothing_are_refused(save, tmp_path, capfd):

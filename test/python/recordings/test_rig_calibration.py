@@ -281,6 +281,53 @@ def test_converter_and_importer_take_the_same_calibration_of_a_folder(tmp_path, 
     assert "calibration/time_offset: 0.050000000" in capsys.readouterr().out
 
 
+def change_second(path, **changes):
+    """The same camchain with other values of cam1; its path as text."""
+    values = yaml.safe_load(path.read_text())
+    values["cam1"].update(changes)
+    path.write_text(yaml.safe_dump(values))
+    return str(path)
+
+
+@pytest.mark.parametrize("first, second, line", [
+    (-0.004, 0.012, "clock: timeshift_cam_imu of cam1 differs by 16.000 ms from that of cam0, which is taken"),
+    (None, 0.012, "clock: cam1 has a timeshift_cam_imu of 12.000 ms, cam0 has none: none is taken"),
+    (-0.004, -0.004, None), (-0.004, None, None)])
+def test_clocks_of_two_cameras_that_differ_are_told(tmp_path, capsys, first, second, line):
+    path = change_second(write_camchain(tmp_path, timeshift_cam_imu=first), timeshift_cam_imu=second)
+    assert main([path]) == 0
+    assert [found for found in capsys.readouterr().out.splitlines() if "cam1" in found] == ([line] if line else [])
+
+
+@pytest.mark.parametrize("baseline, line", [
+    (0.11, None), (0.11004, None),  # the digits of a file
+    (0.5, "cam1: T_cn_cnm1 is 0.00 deg and 390.0 mm from what is taken, the transforms of both cameras to the IMU")])
+def test_two_places_of_a_camera_are_told(tmp_path, capsys, baseline, line):
+    stated = np.eye(4)
+    stated[0, 3] = -baseline
+    assert main([change_second(write_camchain(tmp_path, "T_cam_imu"), T_cn_cnm1=stated.tolist())]) == 0
+    assert [found for found in capsys.readouterr().out.splitlines() if "cam1" in found] == ([line] if line else [])
+
+
+def test_the_converter_tells_of_contradictions_too(tmp_path, capsys):
+    folder = asl_folder(tmp_path / "drive")
+    change_second(write_camchain(folder), timeshift_cam_imu=0.012)
+    assert convert([str(folder), "--info"]) == 0
+    assert "timeshift_cam_imu of cam1 differs by 16.000 ms" in capsys.readouterr().out
+
+
+def test_a_pair_that_cannot_be_rectified_is_refused(tmp_path, capsys):
+    """Intrinsics of a picture one pixel wide."""
+    assert main([str(write_camchain(tmp_path, intrinsics=[0.6, 457.0, 0.5, 248.0]))]) == 2
+    assert "P of the rectified pair is" in capsys.readouterr().err
+
+
+def test_how_wide_a_rectified_picture_is_is_told(tmp_path, capsys):
+    path = write_camchain(tmp_path, distortion_model="none")
+    assert main([change_second(path, distortion_model="none")]) == 0
+    assert "rectified focal length 51.0 px, 64 deg wide" in capsys.readouterr().out  # 2 atan(32 / 51)
+
+
 def test_cameras_in_one_place_are_refused(tmp_path):
     path = write_camchain(tmp_path)
     values = yaml.safe_load(path.read_text())
