@@ -66,21 +66,47 @@ std::optional<LinearMeasurement> StereoModel::observe(const Filter& filter, Hand
   return z;
 }
 
+void StereoModel::lookAtScene(Filter& filter, const StereoFrame& frame,
+                              const std::vector<std::size_t>& features) {
+  if (scene_) return;
+  std::vector<double> disparities;
+  double noise = 0.0;
+  for (const std::size_t i : features) {
+    const StereoFeatureObservation& f = frame.features[i];
+    disparities.push_back(f.pixels[0] - f.pixels[2]);
+    noise += 2.0 * sigmaOf(f.sigma) * sigmaOf(f.sigma);
+  }
+  scene_ = SceneDisparities::of(filter, disparities, noise / static_cast<double>(features.size()));
+}
+
+void StereoModel::forgetScene(Filter& filter) {
+  if (scene_) filter.remove(scene_->mean());
+  scene_.reset();
+}
+
+/// Any disparity that a scene has tells where the landmark lies; without one those that noise may have made
+/// of none would not.
 std::optional<StereoModel::Triangulated> StereoModel::triangulate(const Filter& filter,
                                                                   const StereoPixels& measured,
                                                                   double given) const {
   const double sigma = sigmaOf(given);
-  if (!(measured[0] - measured[2] >= options_.min_disparity)) return std::nullopt;
+  if (!scene_ && !(measured[0] - measured[2] >= options_.min_disparity)) return std::nullopt;
+  SceneDisparities::Predicted seen{measured, sigma * sigma * Eigen::Matrix4d::Identity(), 0.0};
+  if (scene_)
+    seen = scene_->predict(filter, measured, sigma);
+  else if (options_.unbiased_starts)
+    seen.pixels = withoutBias(measured, sigma);
   const StereoCamera camera = variables_.camera(filter, rig_.camera);
-  const StereoPixels pixels = options_.unbiased_starts ? withoutBias(measured, sigma) : measured;
-  const auto q = camera.triangulate(pixels);
+  const auto q = camera.triangulate(seen.pixels);
   if (!q || q->z() < options_.min_depth_m || q->z() > options_.max_depth_m) return std::nullopt;
   const SE3 world_T_cam = camTWorld(filter).inverse();
-  const Eigen::Matrix<double, 3, 4> J = sigma * world_T_cam.rotation() * camera.triangulateJacobian(pixels);
-  Triangulated result{world_T_cam * *q, J * J.transpose(), {}};
-  if (variables_.isNone()) return result;
-  const Eigen::Matrix3Xd Q = variables_.pointJacobian(filter, rig_.cam_T_imu, twist_)(*q);
-  result.by = {variables_.row(filter), -(world_T_cam.rotation() * Q)};
+  const Eigen::Matrix<double, 3, 4> J = world_T_cam.rotation() * camera.triangulateJacobian(seen.pixels);
+  Triangulated result{world_T_cam * *q, J * seen.noise * J.transpose(), {}};
+  if (!variables_.isNone()) {
+    const Eigen::Matrix3Xd Q = variables_.pointJacobian(filter, rig_.cam_T_imu, twist_)(*q);
+    result.by = {variables_.row(filter), -(world_T_cam.rotation() * Q)};
+  }
+  if (scene_) result.by.add(filter.rowOf(scene_->mean()), 0.5 * seen.unknown * (J.col(0) - J.col(2)));
   return result;
 }
 

@@ -186,7 +186,9 @@ std::string InertialEstimator::tryToStart(Stamp now) {
   auto filter = make<InvariantEstimator>();
   filter->begin(*aligned.state);
   filter->preset(alignment_->imu());
+  filter->startOpen();
   const bool follows = replay(*filter);
+  filter->endStart();
   if (learnClock(*filter)) return "begins anew with the pictures' clock that was found";
   if (!follows) {
     suspect_at_ = now;

@@ -294,6 +294,7 @@ void InvariantEstimator::updateTracks(const StereoFrame& frame, const Associatio
 
 void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<std::size_t>& features,
                                     FrameReport& report) {
+  if (is_starting_) model_->lookAtScene(filter_, frame, features);
   LandmarkMap& landmarks = map_.landmarks();
   const double share = mapUse() == MapUse::kWaiting ? kWhileLost : 1.0;
   const auto most = static_cast<std::size_t>(share * static_cast<double>(config_.max_tracked));

@@ -88,6 +88,25 @@ TEST(InertialConsistency, FarLandmarksAreNotDrawnNearer) {
   EXPECT_LT(mean, 9.0 + 3.3 * std::sqrt(18.0 / kFlights)) << "pose and velocity";
 }
 
+// Where noise is as large as what disparities differ by, a start that fits rotation and velocity to them as
+// they are has too small a velocity, and a gyro bias that takes up the rest.
+TEST(InertialConsistency, AStartByItselfKnowsHowFastAndHowTurnedItIs) {
+  constexpr unsigned kFlights = 20;
+  FlightOptions options = noisyFlight();
+  options.motion = 2.0;
+  options.farther = 4.0;
+  options.pixel = 2.0;
+  double mean = 0.0;
+  for (unsigned seed = 0; seed < kFlights; ++seed) {
+    Flight flight(500 + seed, options);
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel));
+    while (!estimator.hasStarted() && flight.seconds() < 10.0) flight.feed(estimator);
+    ASSERT_TRUE(estimator.hasStarted()) << seed << ": " << estimator.startProblem();
+    mean += neesOf(flight, estimator.savedMap()(), Eigen::VectorXi::LinSpaced(6, 9, 14)) / kFlights;
+  }
+  EXPECT_LT(mean, 6.0 + 3.3 * std::sqrt(12.0 / kFlights)) << "biases";
+}
+
 TEST(InertialConsistency, TheImuAloneIsAsWrongAsItSays) {
   Vector15d sigma;
   sigma << 0.01, 0.01, 0.01, 1e-3, 1e-3, 1e-3, 0.02, 0.02, 0.02, 2e-4, 2e-4, 2e-4, 0.02, 0.02, 0.02;

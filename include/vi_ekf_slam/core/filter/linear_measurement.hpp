@@ -17,6 +17,14 @@ struct LinearFunction {
   Eigen::Index row = 0;
   Eigen::MatrixXd J;
   bool isNone() const { return J.size() == 0; }
+  /// And what later rows have, from `first` on.
+  void add(Eigen::Index first, const Eigen::MatrixXd& more) {
+    if (isNone()) row = first;
+    const Eigen::Index before = J.cols();
+    J.conservativeResize(more.rows(), first + more.cols() - row);
+    J.rightCols(J.cols() - before).setZero();
+    J.rightCols(more.cols()) = more;
+  }
 };
 
 /// A measurement of r rows, 1 to 6, linearised at the means: residual = z - h(x^) = sum of H_k e_k + n, with

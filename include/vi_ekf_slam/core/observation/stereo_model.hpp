@@ -2,10 +2,13 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 #include "vi_ekf_slam/core/filter/filter.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
+#include "vi_ekf_slam/core/observation/scene_disparities.hpp"
+#include "vi_ekf_slam/core/sensors/measurement.hpp"
 
 namespace vi_ekf_slam {
 
@@ -33,6 +36,10 @@ class StereoModel {
     time_offset_ = time_offset;
     twist_ = twist;
   }
+  /// From now on landmarks start where the disparities of this frame's `features` put them, until the scene
+  /// is forgotten. Nothing changes while there is one.
+  void lookAtScene(Filter& filter, const StereoFrame& frame, const std::vector<std::size_t>& features);
+  void forgetScene(Filter& filter);
   /// Takes points of the world to the left camera's frame; with `rig_error` added to the calibration.
   SE3 camTWorld(const Filter& filter, const Eigen::VectorXd& rig_error = {}) const;
 
@@ -78,6 +85,7 @@ class StereoModel {
   RigVariables variables_;
   double time_offset_ = 0.0;
   Vector6d twist_ = Vector6d::Zero();
+  std::optional<SceneDisparities> scene_;
 };
 
 } // namespace vi_ekf_slam

@@ -26,6 +26,12 @@ class InvariantEstimator : public Estimator {
   void preset(const ImuTrack& imu) { imu_ = imu; }
   /// Goes on from a saved map if it may (see resumeFrom), for a measurement at `now`; whether it did.
   bool resumeAt(Stamp now);
+  /// Between the two neither rotation nor velocity is known, and points start as SceneDisparities has them.
+  void startOpen() { is_starting_ = true; }
+  void endStart() {
+    is_starting_ = false;
+    if (model_) model_->forgetScene(filter_);
+  }
   /// From now on the map begins where the body is: at the origin, its heading along x. Before anything is
   /// inactive.
   void moveOriginHere();
@@ -91,6 +97,7 @@ class InvariantEstimator : public Estimator {
   StandstillDetector standstill_;
   Recovery recovery_;
   TrackStatus tracks_;
+  bool is_starting_ = false;
   std::size_t contradicting_velocities_ = 0; ///< since the last frame
   std::optional<Stamp> stamp_;
   std::optional<LastFrame> last_frame_;
