@@ -15,10 +15,15 @@ namespace {
 
 constexpr std::size_t index(Stream stream) { return static_cast<std::size_t>(stream); }
 
-/// Wheel odometry often gives a variance for the way ahead alone, and zeros for the other axes.
+bool isUnsaid(const Eigen::Matrix3d& covariance, Eigen::Index axis) {
+  return covariance.row(axis).isZero(0.0) && covariance.col(axis).isZero(0.0);
+}
+
+/// Wheel odometry often gives a variance for the way ahead alone, and zeros for the other axes; a gyro of one
+/// axis does too.
 void fillUnsaidAxes(Eigen::Matrix3d& covariance, double sigma) {
   for (Eigen::Index i = 0; i < 3; ++i) {
-    if (covariance.row(i).isZero(0.0) && covariance.col(i).isZero(0.0)) covariance(i, i) = sigma * sigma;
+    if (isUnsaid(covariance, i)) covariance(i, i) = sigma * sigma;
   }
 }
 
@@ -63,13 +68,23 @@ bool Intake::isCameraAlone() const {
          !came(Stream::kVelocity);
 }
 
-std::string Intake::missingInputs() const {
-  std::string missing;
+template <typename Condition>
+std::string Intake::requiredInputs(const Condition& condition) const {
+  std::string topics;
   for (const Stream stream : {Stream::kImu, Stream::kVelocity, Stream::kStereo}) {
-    if (isRequired(stream) && counts_.received[index(stream)] == 0)
-      missing += (missing.empty() ? "" : ", ") + topicsOf(stream);
+    if (isRequired(stream) && condition(index(stream)))
+      topics += (topics.empty() ? "" : ", ") + topicsOf(stream);
   }
-  return missing;
+  return topics;
+}
+
+std::string Intake::missingInputs() const {
+  return requiredInputs([this](std::size_t i) { return counts_.received[i] == 0; });
+}
+
+std::string Intake::unusedInputs() const {
+  const SystemCounts counts = system_.counts();
+  return requiredInputs([&](std::size_t i) { return counts_.received[i] > 0 && counts.processed[i] == 0; });
 }
 
 void Intake::learnImuFrame(const std::string& frame_id) {
@@ -113,6 +128,18 @@ void Intake::turnAway(const char* input, Rejection rejection) {
 
 void Intake::turnAway(const char* reason, std::size_t count) {
   if (count > 0) counts_.turned_away[reason] += count;
+}
+
+std::map<std::string, std::uint64_t> Intake::turnedAway() const {
+  auto all = counts_.turned_away;
+  const SystemCounts counts = system_.counts();
+  for (std::size_t i = 0; i < kStreamCount; ++i) {
+    const std::string input = kTopicNames[i];
+    if (counts.too_fast[i] > 0) all[input + ": too fast"] = counts.too_fast[i];
+    if (counts.bad_covariance[i] > 0)
+      all[input + ": covariance not positive definite"] = counts.bad_covariance[i];
+  }
+  return all;
 }
 
 void Intake::offerRig() {
@@ -167,6 +194,12 @@ void Intake::add(const sensor_msgs::Imu& message) {
                                                      "', which ros/imu_frame or the first imu message said"));
     return turnAway("imu", converted.rejection);
   }
+  if (converted.sample->covariance)
+    fillUnsaidAxes(*converted.sample->covariance, system_.config().invariant.motion.gyro_sigma);
+  auto& of_acceleration = converted.sample->acceleration_covariance; // configured as a density, not a sigma
+  if (of_acceleration &&
+      (isUnsaid(*of_acceleration, 0) || isUnsaid(*of_acceleration, 1) || isUnsaid(*of_acceleration, 2)))
+    of_acceleration.reset();
   if (camera_is_body_ && !takeImuForBody(conversions::frameName(message.header.frame_id)))
     return turnAway("imu", Rejection::kWrongFrame);
   learnImuFrame(message.header.frame_id); // of the first one that can be used
@@ -200,7 +233,15 @@ void Intake::add(const StereoFeatureArray& message) {
   // Where no IMU is wanted what moves is the left camera.
   if (imu_frame_.empty() && topics_.imu.empty()) learnImuFrame(message.header.frame_id);
   auto converted = conversions::toFrame(message, rig_.leftFrame());
-  if (!converted.sample) return turnAway("features", converted.rejection);
+  if (!converted.sample) {
+    if (converted.rejection == Rejection::kWrongFrame)
+      problems_.report(
+          "features: " + message.header.frame_id,
+          "features in '" + message.header.frame_id + "' are not used: " +
+              (rig_.leftFrame().empty() ? std::string("header.frame_id must say the left camera's frame")
+                                        : topics_.left_info + " is of '" + rig_.leftFrame() + "'"));
+    return turnAway("features", converted.rejection);
+  }
   turnAway("features: repeated id", converted.repeated_ids);
   const std::string problem =
       stereo_check_.note(*converted.sample, system_.config().invariant.stereo.pixel_sigma);

@@ -1,11 +1,8 @@
 #include "vi_ekf_slam/ros/map_file.hpp"
 
-#include <rosbag/bag.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <optional>
@@ -14,9 +11,9 @@
 #include "vi_ekf_slam/MapDescriptors.h"
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
-#include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 #include "vi_ekf_slam/ros/input/bag_reader.hpp"
+#include "vi_ekf_slam/ros/output/bag_writer.hpp"
 #include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
@@ -48,7 +45,7 @@ void putRows(const Numbers& numbers, Eigen::Index begin, Eigen::Index end, Eigen
   }
 }
 
-void write(rosbag::Bag& bag, const SavedMap& map, const std::string& map_frame) {
+void write(BagWriter& bag, const SavedMap& map, const std::string& map_frame) {
   MapState state;
   state.version = MapState::VERSION;
   state.header.stamp = conversions::toTime(map.stamp);
@@ -216,15 +213,12 @@ SavedMap read(const std::string& path) {
 
 void writeMapFile(const std::string& path, const SavedMap& map, const std::string& map_frame) {
   validate(map, path + " (not written)");
-  const std::string temporary = path + ".tmp";
   try {
-    rosbag::Bag bag(temporary, rosbag::bagmode::Write);
+    BagWriter bag(path);
     write(bag, map, map_frame);
-    bag.close();
-    renameDurably(temporary, path);
+    bag.finish();
   } catch (const std::exception& e) {
-    std::remove(temporary.c_str());
-    throw MapError(path + ": cannot be written: " + e.what());
+    throw MapError(e.what());
   }
 }
 

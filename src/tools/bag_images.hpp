@@ -20,7 +20,7 @@ class BagImages {
   static bool isNeeded(const RunBagOptions& options, const BagInput& input);
 
   /// `input` and `intake` must outlive this, and `input` is to be fed while this lives. Throws BagError where
-  /// a topic is of the wrong type, std::runtime_error where the bag of features cannot be made.
+  /// a topic is of the wrong type, BagWriteError where the bag of features cannot be made.
   BagImages(const RunBagOptions& options, const FullConfig& config, BagInput& input, Intake& intake);
 
   void onCalibration(std::function<void(const std::string&)> handler) {

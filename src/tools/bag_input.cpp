@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "vi_ekf_slam/ros/output/bag_writer.hpp"
 #include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
@@ -94,6 +95,8 @@ void BagInput::feed(Intake& intake, const std::function<bool(double)>& proceed) 
       return proceed(done);
     });
   } catch (const BagError&) {
+    throw;
+  } catch (const BagWriteError&) { // of what a handler writes
     throw;
   } catch (const std::exception& e) { // bytes that are no such message
     throw BagError(path_ + ": cannot be read on: " + e.what());

@@ -1,38 +1,10 @@
 #include "feature_bag.hpp"
 
 #include <boost/make_shared.hpp>
-#include <cstdio>
-#include <stdexcept>
 
-#include "vi_ekf_slam/core/run/atomic_file.hpp"
 #include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
-
-FeatureBag::FeatureBag(const std::string& path, const InputTopics& topics)
-    : path_(path), temporary_(path + ".tmp"), topics_(topics) {
-  guard([this] { bag_.open(temporary_, rosbag::bagmode::Write); });
-}
-
-FeatureBag::~FeatureBag() {
-  if (is_finished_) return;
-  try {
-    bag_.close();
-  } catch (const std::exception&) { // it is thrown away
-  }
-  std::remove(temporary_.c_str());
-}
-
-template <typename Action>
-void FeatureBag::guard(const Action& action) {
-  try {
-    action();
-  } catch (const BagError&) { // of the bag that is read
-    throw;
-  } catch (const std::exception& e) {
-    throw std::runtime_error(path_ + ": cannot be written: " + e.what());
-  }
-}
 
 template <typename Message>
 void FeatureBag::put(const std::string& topic, std::uint64_t time, const Message& message, bool is_latched) {
@@ -46,7 +18,7 @@ void FeatureBag::put(const std::string& topic, std::uint64_t time, const Message
     (*header)["latching"] = "1";
     (*header)["callerid"] = "/run_bag";
   }
-  guard([&] { bag_.write(topic, ros::Time().fromNSec(time), message, header); });
+  bag_.write(topic, ros::Time().fromNSec(time), message, header);
 }
 
 void FeatureBag::copy(const BagMessage& message) {
@@ -65,14 +37,6 @@ void FeatureBag::copy(const BagMessage& message) {
 
 void FeatureBag::write(const StereoFeatureArray& features, std::uint64_t time) {
   put(topics_.features, time, features, false);
-}
-
-void FeatureBag::finish() {
-  guard([this] {
-    bag_.close();
-    renameDurably(temporary_, path_);
-  });
-  is_finished_ = true;
 }
 
 } // namespace vi_ekf_slam

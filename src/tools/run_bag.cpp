@@ -65,6 +65,8 @@ std::string inputProblem(const SlamSystem& system, const Intake& intake, const R
   if (const std::string start = system.estimator().startProblem(); !start.empty())
     return "no pose: the estimator did not start: " + start;
   if (writer.empty()) return "no message gave a pose";
+  if (const std::string unused = intake.unusedInputs(); !unused.empty())
+    return "no message on " + unused + " could be used, which the estimator needs";
   return {};
 }
 
@@ -97,7 +99,7 @@ std::string loneImage(const RunBagOptions& options, const BagInput& input) {
 void printSummary(const RunBagOptions& options, const RunWriter& writer, const RunSummary& summary,
                   std::size_t landmarks) {
   const SystemCounts& c = summary.counts;
-  const char* what = writer.hasFrames() ? " frames" : " gyro samples (the bag has no stereo frames)";
+  const char* what = writer.hasFrames() ? " frames" : " gyro samples (no stereo frame was used)";
   std::cout << writer.size() << (writer.empty() ? " poses" : what) << ", " << landmarks << " landmarks, "
             << c.features << " features (" << c.features_used << " used, " << c.features_rejected
             << " rejected, " << c.features_invalid << " invalid)\n";
@@ -134,6 +136,15 @@ int check(const RunBagOptions& options) {
   if (!options.output.empty()) RunWriter::requireDirectory(options.output);
   if (!options.config.empty()) std::cout << std::filesystem::absolute(options.config).string() << std::endl;
   return kOk;
+}
+
+/// A map that cannot be written is no input that cannot be used.
+void saveMap(const std::string& path, const SavedMap& map, const std::string& map_frame) {
+  try {
+    writeMapFile(path, map, map_frame);
+  } catch (const MapError& e) {
+    throw std::runtime_error(e.what());
+  }
 }
 
 #ifdef VI_EKF_SLAM_FRONT_END
@@ -250,7 +261,7 @@ int run(const RunBagOptions& options) {
   if (!options.save_calibration.empty())
     writeFile(options.save_calibration, writer.calibrationText(*summary.rig));
   warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
-  if (map) writeMapFile(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
+  if (map) saveMap(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
   if (!options.load_map.empty() && system.counts().relocalisations == 0)
     std::cerr << "run_bag: the place in " << options.load_map
               << " was not found: poses are in a frame of their own" << std::endl;

@@ -49,6 +49,43 @@ TEST(Intake, SaysOnceWhatFeaturesAreNotThoseOfARectifiedPair) {
   EXPECT_EQ(0U, sides[0].find("disparity has the wrong sign: 100 % of the points are behind the cameras"));
 }
 
+/// A gyro's sample of 1 rad/s at most, with these variances, (rad/s)^2.
+sensor_msgs::Imu gyroAt(double t, double x, double y, double z) {
+  sensor_msgs::Imu message;
+  message.header.frame_id = "imu_link";
+  message.header.stamp = secondsOn(t);
+  message.angular_velocity.z = 1.0;
+  message.angular_velocity_covariance = {x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z};
+  return message;
+}
+
+TEST(Intake, NeedsNoVarianceOfEachAxisOfAnImu) {
+  SlamSystem system{Config()};
+  Intake intake(system, {}, {});
+  intake.add(gyroAt(0.0, 0.0, 0.0, 1e-6));
+  auto accelerates = gyroAt(0.1, 0.0, 0.0, 0.0);
+  accelerates.linear_acceleration.z = 9.81;
+  accelerates.linear_acceleration_covariance[8] = 1e-4;
+  intake.add(accelerates);
+  intake.flush();
+  system.flush();
+  EXPECT_EQ(2U, system.counts().processed[static_cast<std::size_t>(Stream::kImu)]);
+  EXPECT_TRUE(intake.turnedAway().empty());
+}
+
+TEST(Intake, CountsWhatHasNoPlausibleValues) {
+  SlamSystem system{Config()};
+  Intake intake(system, {}, {});
+  for (const double t : {0.0, 0.1}) intake.add(gyroAt(t, 1e-6, 1e-6, -1e-6));
+  auto fast = gyroAt(0.2, 1e-6, 1e-6, 1e-6);
+  fast.angular_velocity.x = 1e6;
+  intake.add(fast);
+  const std::map<std::string, std::uint64_t> expected = {{"imu: covariance not positive definite", 2},
+                                                         {"imu: too fast", 1}};
+  EXPECT_EQ(expected, intake.turnedAway());
+  EXPECT_EQ("imu", intake.unusedInputs());
+}
+
 /// What is missing of a gyro and a camera without calibration.
 std::string missingWith(const std::string& velocity, const std::string& wheel_odometry) {
   Config config;
@@ -110,6 +147,23 @@ class CameraAlone : public testing::Test {
   Intake intake_{system_, {}, {}};
   std::vector<std::string> resets_, said_;
 };
+
+TEST_F(CameraAlone, IsNamedWhereFeaturesAreOfAnotherFrame) {
+  for (const char* frame : {"left_camera", "left_camera", ""}) {
+    auto features = featuresAt(0.0, 20.0);
+    features.header.frame_id = frame;
+    intake_.add(features);
+  }
+  const std::vector<std::string> expected = {
+      "features in 'left_camera' are not used: left/camera_info is of 'left_camera_optical'",
+      "features in '' are not used: left/camera_info is of 'left_camera_optical'"};
+  EXPECT_EQ(expected, said_);
+  EXPECT_EQ("features", intake_.unusedInputs());
+  addFrames(0.1, 4.0);
+  intake_.flush();
+  system_.flush();
+  EXPECT_EQ("", intake_.unusedInputs());
+}
 
 TEST_F(CameraAlone, IsTheBodyByItself) {
   addFrames(0.0, 4.0);

@@ -6,9 +6,11 @@
 #include <rosbag/view.h>
 #include <std_msgs/String.h>
 #include <stdlib.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 #include <array>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -185,6 +187,24 @@ TEST_F(MapFile, AMapThatIsNoneIsNotWrittenOverOneThatIs) {
     EXPECT_NE(std::string(e.what()).find("nowhere/map.bag: cannot be written"), std::string::npos)
         << e.what();
   }
+}
+
+TEST_F(MapFile, OnAFullDiskWhatWasThereStays) {
+  writeMapFile(path_, example(), "map");
+  const std::string before = bytes();
+  const SavedMap large = example(120);
+  rlimit limit{};
+  getrlimit(RLIMIT_FSIZE, &limit);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  for (const rlim_t room : {0U, 5000U, 100000U}) { // bytes: of the header, of the first message, of landmarks
+    const rlimit little{room, limit.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &little);
+    EXPECT_THROW(writeMapFile(path_, large, "map"), MapError) << room;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    EXPECT_EQ(bytes(), before);
+    EXPECT_EQ(std::distance(fs::directory_iterator(directory_), fs::directory_iterator()), 1);
+  }
+  std::signal(SIGXFSZ, handler);
 }
 
 TEST_F(MapFile, WhatIsNoBagIsRefused) {

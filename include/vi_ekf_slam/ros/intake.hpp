@@ -76,8 +76,10 @@ class Intake {
   bool isRequired(Stream stream) const;
   /// Topics of required inputs from which no message has come, with commas; empty: there is none.
   std::string missingInputs() const;
-  /// Messages (and repeated ids) turned away, by "input: reason".
-  const std::map<std::string, std::uint64_t>& turnedAway() const { return counts_.turned_away; }
+  /// Those from which messages have come and none has been processed, once all are; the same way.
+  std::string unusedInputs() const;
+  /// Messages (and repeated ids) turned away, here or for their values by the system, by "input: reason".
+  std::map<std::string, std::uint64_t> turnedAway() const;
   /// Features taken that have no depth.
   std::uint64_t withoutDisparity() const { return counts_.without_disparity; }
   /// Features that the next message may have beside `max_features` of the configuration; for a busy node.
@@ -98,6 +100,8 @@ class Intake {
   };
 
   std::string topicsOf(Stream stream) const;
+  template <typename Condition>
+  std::string requiredInputs(const Condition& condition) const;
   void hand(Arrival arrival);
   void release(bool at_once);
   bool hasWaited(const Arrival& arrival) const;

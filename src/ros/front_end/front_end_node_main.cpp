@@ -17,8 +17,10 @@ int main(int argc, char** argv) {
   if (const auto status = vi_ekf_slam::endsAtOnce(argc, argv, kWhat)) return *status;
   vi_ekf_slam::keepFreedMemory();
   ros::init(argc, argv, "front_end");
+  const ros::NodeHandle nh; // outlives the node: with the last handle ROS ends, and says nothing more
+  const ros::NodeHandle private_nh("~");
   try {
-    const vi_ekf_slam::FrontEndNode node(ros::NodeHandle(), ros::NodeHandle("~"));
+    const vi_ekf_slam::FrontEndNode node(nh, private_nh);
     ros::spin();
   } catch (const std::exception& e) {
     ROS_FATAL_STREAM(e.what());

@@ -242,9 +242,6 @@ void Diagnostics::drops(Status& status) {
     count(stream + ": duplicate", c.duplicate[i]);
     count(stream + ": stamp far ahead of the others", c.ahead[i]);
     count(stream + ": stamp far behind the others", c.behind[i]);
-    if (static_cast<Stream>(i) == Stream::kStereo) continue;
-    count(stream + ": too fast", c.too_fast[i]);
-    count(stream + ": covariance not positive definite", c.bad_covariance[i]);
   }
   for (const auto& [reason, number] : allTurnedAway()) count(reason, number);
   status.add("features without disparity", from_.intake.withoutDisparity());

@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/ros/node/settings.hpp"
 
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <set>
@@ -34,7 +33,21 @@ void warnOfForeign(const ros::NodeHandle& private_nh, std::set<std::string> name
   if (!list.empty()) ROS_WARN_STREAM("not read, since the node knows no such parameter: " << list);
 }
 
+/// `least`: the value 0 and what it stands for.
+void readPeriod(const ros::NodeHandle& private_nh, const std::string& name, const std::string& least,
+                double& seconds) {
+  if (!private_nh.hasParam(name)) return;
+  if (!private_nh.getParam(name, seconds) || !(seconds >= 0.0 && seconds <= 1e6))
+    throw ConfigError("parameters of " + private_nh.getNamespace() + ": " + name +
+                      " must be a number of seconds from " + least + " to 1e6");
+}
+
 } // namespace
+
+void requireDiagnosticPeriod(const ros::NodeHandle& private_nh) {
+  double seconds = 0.0;
+  readPeriod(private_nh, kDiagnosticPeriod, "0", seconds);
+}
 
 FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<std::string>& known) {
   XmlRpc::XmlRpcValue tree;
@@ -62,10 +75,11 @@ FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<s
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   NodeSettings settings;
   settings.source = "parameters of " + private_nh.getNamespace();
-  // diagnostic_period is diagnostic_updater's, tuning dynamic_reconfigure's.
+  // The last two are diagnostic_updater's and dynamic_reconfigure's.
   settings.config =
       readConfiguration(private_nh, {"output_dir", "autosave_period", MapStore::kMapFile, MapStore::kResume,
-                                     "initial_state", "diagnostic_period", "tuning"});
+                                     "initial_state", kDiagnosticPeriod, "tuning"});
+  requireDiagnosticPeriod(private_nh);
   applyStored(private_nh, settings.config);
   if (private_nh.hasParam("output_dir") && !private_nh.getParam("output_dir", settings.output_dir)) {
     throw ConfigError(settings.source + ": output_dir must be a string: a folder, or empty to save nothing");
@@ -74,13 +88,7 @@ NodeSettings readNodeSettings(const ros::NodeHandle& private_nh) {
   if (private_nh.hasParam("initial_state") && !private_nh.getParam("initial_state", initial_state))
     throw ConfigError(settings.source + ": initial_state must be a string: a file, or empty");
   if (!initial_state.empty()) settings.initial_state = readInitialState(absolutePath(initial_state));
-  const double& period = settings.autosave_period_s;
-  if (private_nh.hasParam("autosave_period") &&
-      (!private_nh.getParam("autosave_period", settings.autosave_period_s) || !std::isfinite(period) ||
-       period < 0.0 || period > 1e6)) {
-    throw ConfigError(settings.source +
-                      ": autosave_period must be a number of seconds from 0 (never) to 1e6");
-  }
+  readPeriod(private_nh, "autosave_period", "0 (never)", settings.autosave_period_s);
   settings.output_dir = absolutePath(settings.output_dir);
   settings.maps = MapStore::readSettings(private_nh, settings.source,
                                          {settings.output_dir, {}, false, settings.config.ros.map_frame});

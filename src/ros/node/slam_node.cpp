@@ -14,6 +14,7 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
+constexpr double kLookPeriod = 1.0;    // s of wall time between two looks for what to warn of
 
 InputTopics resolvedTopics(const ros::NodeHandle& nh) {
   InputTopics topics;
@@ -155,10 +156,14 @@ void SlamNode::process(WorkQueue::Item& item) {
 void SlamNode::tend(bool is_pause) {
   if (is_pause) publishers_.publishUnsent();
   publishers_.serveNewListeners();
-  if (secondsSince(watch_.last_report) < diagnostics_.period()) return;
-  watch_.last_report = WorkQueue::Clock::now();
-  diagnostics_.publish();
-  if (secondsSince(watch_.last_warning) >= kWarningPeriod) warn();
+  if (secondsSince(watch_.last_report) >= diagnostics_.period()) {
+    watch_.last_report = WorkQueue::Clock::now();
+    diagnostics_.publish();
+  }
+  if (secondsSince(watch_.last_look) >= kLookPeriod && secondsSince(watch_.last_warning) >= kWarningPeriod) {
+    watch_.last_look = WorkQueue::Clock::now();
+    warn();
+  }
   if (intake_.received() > 0) results_.autosaveIfDue();
 }
 

@@ -30,9 +30,11 @@ void applyStored(const ros::NodeHandle& private_nh, FullConfig& config) {
   const ros::NodeHandle nh(private_nh, "tuning");
   const TuningConfig configured = tuningOf(config);
   TuningConfig stored = configured;
-  stored.__fromServer__(nh);
-  for (const double number : numbersOf(stored)) {
-    if (!std::isfinite(number)) throw ConfigError(nh.getNamespace() + ": must hold finite numbers");
+  stored.__fromServer__(nh); // passes over what is of another type
+  for (const auto& key : TuningConfig::__getParamDescriptions__()) {
+    double number = 0.0;
+    if (nh.hasParam(key->name) && !(nh.getParam(key->name, number) && std::isfinite(number)))
+      throw ConfigError(nh.resolveName(key->name) + " must be a finite number");
   }
   stored.__clamp__();
   if (numbersOf(stored) == numbersOf(configured)) return;

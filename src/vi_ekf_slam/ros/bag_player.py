@@ -120,9 +120,13 @@ def wait_for_listener(topic, node=None):
 def number(name, is_allowed, allowed):
     """The private parameter as a number."""
     value = rospy.get_param("~" + name)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not is_allowed(value):
+    try:
+        result = float("nan") if isinstance(value, bool) else float(value)  # 1e9 comes as a text: it is one in YAML
+    except (TypeError, ValueError):
+        result = float("nan")
+    if not is_allowed(result):
         raise PlayError("~%s is %s, allowed: %s" % (name, value, allowed))
-    return float(value)
+    return result
 
 
 def play():

@@ -9,7 +9,8 @@ import pytest
 import rospy
 
 from conftest import HANG_S
-from vi_ekf_slam.ros.bag_player import Player, ending_with
+from vi_ekf_slam.ros.bag_player import Player, ending_with, number
+from vi_ekf_slam.ros.recorded_bag import PlayError
 
 
 def said_by(parent):
@@ -36,6 +37,19 @@ def test_ends_with_its_parent():
         except subprocess.TimeoutExpired:
             os.kill(child, signal.SIGKILL)
             raise
+
+
+@pytest.mark.parametrize("value, expected", [(2, 2.0), (0.5, 0.5), ("1e9", 1e9), (" 1.5 ", 1.5)])
+def test_a_number_may_be_written_as_any_other(monkeypatch, value, expected):
+    monkeypatch.setattr(rospy, "get_param", lambda _: value)
+    assert number("rate", lambda x: x > 0.0, "a positive number") == expected
+
+
+@pytest.mark.parametrize("value", [True, "fast", "", "nan", "-1e9", [1.0], {"a": 1.0}, None])
+def test_what_is_no_number_is_refused(monkeypatch, value):
+    monkeypatch.setattr(rospy, "get_param", lambda _: value)
+    with pytest.raises(PlayError, match="~rate is .*, allowed: a positive number"):
+        number("rate", lambda x: x > 0.0, "a positive number")
 
 
 @pytest.mark.parametrize("is_held, answered, said", [

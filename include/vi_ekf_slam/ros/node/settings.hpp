@@ -26,6 +26,10 @@ struct NodeSettings {
 /// where that is set. What is neither it nor one of the `known` names is warned of. Throws ConfigError.
 FullConfig readConfiguration(const ros::NodeHandle& private_nh, const std::set<std::string>& known);
 
+/// diagnostic_updater's parameter, which takes what it gets. Throws ConfigError where that is no period.
+constexpr char kDiagnosticPeriod[] = "diagnostic_period";
+void requireDiagnosticPeriod(const ros::NodeHandle& private_nh);
+
 /// Throws ConfigError, or std::runtime_error when output_dir cannot be made.
 NodeSettings readNodeSettings(const ros::NodeHandle& private_nh);
 

@@ -52,6 +52,7 @@ class SlamNode {
   struct Watch {
     WorkQueue::Clock::time_point start = WorkQueue::Clock::now();
     WorkQueue::Clock::time_point last_report = start;
+    WorkQueue::Clock::time_point last_look = start;
     WorkQueue::Clock::time_point last_warning = start;
     WorkQueue::Clock::time_point item_arrival = start;
     std::map<std::string, std::uint64_t> warned_turned_away;

@@ -93,11 +93,25 @@ class Playback(LaunchRunner):
         for frame, advice in (("wheel", "/tf_static"), ("odom", "a frame of the vehicle is needed")):
             drive_data.write_bag(self.bag, [(t, drive_data.base_velocity(m.header.stamp, frame) if t == "velocity" else m)
                                             for t, m in drive_data.drive()])
-            output = self.run_bag(name=frame)
+            output = self.run_bag(name=frame, status=2)
+            self.assertIn("no message on /velocity or /wheel_odometry could be used", self.said)
             problems = [line for line in self.said.splitlines() if "'%s'" % frame in line]
             self.assertEqual(1, len(problems), self.said)
             self.assertIn(advice, problems[0])
             self.assertEqual(61, len(_read(output, "trajectory.tum").splitlines()))
+
+    def test_features_of_another_frame_are_named_once(self):
+        """With both frames, and by the status; dead reckoning is written."""
+        messages = drive_data.drive()
+        for _, message in (m for m in messages if m[0] == "features"):
+            message.header.frame_id = "left_camera"
+        drive_data.write_bag(self.bag, messages)
+        output = self.run_bag(status=2)
+        named = "features in 'left_camera' are not used: /left/camera_info is of '%s'" % drive_data.LEFT
+        self.assertEqual(1, self.said.count(named), self.said)
+        self.assertIn("no message on /features could be used", self.said)
+        self.assertIn("turned away: features: wrong frame: 61", self.said)
+        self.assertEqual(61, len(_read(output, "trajectory.tum").splitlines()))
 
     def test_a_bag_without_features_ends_too(self):
         """Dead reckoning is saved, the same as run_bag's; the player's clock, which runs on, keeps nothing alive."""

@@ -125,7 +125,7 @@ class Faults(DrivePlayer):
             message.angular_velocity.y = value
             faults.append(("imu", message))
         for covariance in ([-1e-6] * 1 + [0.0] * 8, [1e-6, 1e-3, 0, 0, 1e-6, 0, 0, 0, 1e-6],
-                           [0, 0, 0, 0, 1e-6, 0, 0, 0, 1e-6]):
+                           [1e-6, 1e-6, 0, 1e-6, 1e-6, 0, 0, 0, 1e-6]):
             message = drive_data.imu(self.at(1.12))
             message.angular_velocity_covariance = covariance
             faults.append(("imu", message))

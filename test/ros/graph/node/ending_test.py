@@ -8,6 +8,7 @@ import sys
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rosgraph_msgs.msg import Log
 from std_srvs.srv import Trigger
 
 from node_runner import START, NodeRunner, bound_files
@@ -142,8 +143,19 @@ class Ending(NodeRunner):
 
     def test_a_period_that_is_none_is_refused(self):
         """Named with what is allowed."""
-        for value in (-1.0, "often", True):
-            self.assertIn("autosave_period", self.refused(output_dir=self.output, autosave_period=value))
+        for value in (-1.0, float("nan"), "often", True):
+            for name in ("autosave_period", "diagnostic_period"):
+                self.assertIn(name + " must be a number of seconds", self.refused(output_dir=self.output, **{name: value}))
+
+    def test_a_long_period_of_diagnostics_delays_nothing_else(self):
+        """Neither what is saved nor what is warned of."""
+        said = self.listen("/rosout", Log)
+        self.start_node(output_dir=self.output, autosave_period=0.1, diagnostic_period=1000.0)
+        self.wait_for(lambda: any("no message yet on" in m.msg for m in list(said)))
+        self.play(0.0, 1.0)
+        path = os.path.join(self.output, "trajectory.tum")
+        self.wait_for(lambda: os.path.exists(path) and os.path.getsize(path) > 0)  # of the first save it may be empty
+        self.wait_for(lambda: self.poses() >= 8)
 
 
 if __name__ == "__main__":

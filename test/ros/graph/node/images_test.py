@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The front end in the graph: node, nodelet and run_bag make the same features, and what cameras do wrong is survived."""
 
+import functools
 import os
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from sensor_msgs.msg import Image
 import drive_data
 import image_data
 from launch_runner import LIMIT, LaunchRunner
+from node_runner import bound_files
 from waiting import wait_for
 
 from vi_ekf_slam.msg import StereoFeatureArray
@@ -67,12 +69,41 @@ class Images(LaunchRunner):
         with rosbag.Bag(saved) as bag:
             return output, [message for _, message, _ in bag.read_messages(["/features"])]
 
-    def start_node(self, command, **parameters):
-        """Runs the front end and waits until it listens."""
+    def test_run_bag_on_a_full_disk(self):
+        """Features, and the map: it ends with the status of what cannot be written, and leaves nothing half written."""
+        output, saved = os.path.join(self.folder, "run"), os.path.join(self.folder, "features.bag")
+        command = [drive_data.program("run_bag"), self.bag, "--output", output, "--quiet"]
+        for size, options, lost in ((20000, ["--save-features", saved], saved),
+                                    (40000, ["--save-map"], os.path.join(output, "map.bag"))):
+            done = subprocess.run(command + options, check=False, timeout=LIMIT, stderr=subprocess.PIPE,
+                                  preexec_fn=functools.partial(bound_files, size))
+            self.assertEqual(1, done.returncode, done.stderr.decode())
+            self.assertIn(lost + ": cannot be written", done.stderr.decode())
+            left = os.listdir(self.folder) + (os.listdir(output) if os.path.isdir(output) else [])
+            self.assertEqual([], [name for name in left if name.endswith(".tmp") or name == os.path.basename(lost)])
+
+    def test_what_cannot_be_started_with_is_said(self):
+        """Where a terminal shows it."""
+        for name, value, word in (("image_transport", "compresed", "compresed"), ("image_transport", 3, "image_transport"),
+                                  ("front_end", {"features": -1}, "front_end.features"),
+                                  ("diagnostic_period", -1.0, "diagnostic_period must be a number of seconds")):
+            self.set_parameters({name: value})
+            done = subprocess.run([drive_data.program("stereo_front_end"), "__name:=" + NODE], check=False, timeout=LIMIT,
+                                  stderr=subprocess.PIPE)
+            self.assertEqual(1, done.returncode)
+            self.assertIn(word, done.stderr.decode())
+
+    @staticmethod
+    def set_parameters(parameters):
+        """Only these are the front end's."""
         if rospy.has_param("/" + NODE):
             rospy.delete_param("/" + NODE)
-        for key, value in dict({"diagnostic_period": 0.1}, **parameters).items():
+        for key, value in parameters.items():
             rospy.set_param("/%s/%s" % (NODE, key), value)
+
+    def start_node(self, command, **parameters):
+        """Runs the front end and waits until it listens."""
+        self.set_parameters(dict({"diagnostic_period": 0.1}, **parameters))
         inputs = [p for topic, p in self.publishers.items() if topic != "velocity"]
         self.assertTrue(wait_for(lambda: not any(p.get_num_connections() for p in inputs)))  # the last one's
         node = subprocess.Popen(command + ["__name:=" + NODE], stdout=subprocess.DEVNULL)

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """A node goes on where a killed one was saved, or finds its place in a map that was loaded."""
 
+import functools
 import math
 import os
 import sys
@@ -14,7 +15,7 @@ from nav_msgs.msg import Path
 from std_srvs.srv import Trigger
 
 import drive_data
-from node_runner import START, WITHOUT_SLIP, NodeRunner
+from node_runner import START, WITHOUT_SLIP, NodeRunner, bound_files
 from vi_ekf_slam.srv import LoadMap, SaveMap
 from waiting import wait_for
 
@@ -40,10 +41,10 @@ class SavedMap(NodeRunner):
         self.paths = self.listen("path", Path)
         self.reports = self.listen("/diagnostics", DiagnosticArray)
 
-    def start_node(self, **parameters):
+    def start_node(self, preexec_fn=None, **parameters):
         """Told that the tracks of this drive do not slip."""
         parameters.setdefault("invariant", WITHOUT_SLIP)
-        return super().start_node(**parameters)
+        return super().start_node(preexec_fn, **parameters)
 
     def wait_for_report(self, level, text):
         """Until the diagnostics say this of the map, from now on."""
@@ -271,6 +272,22 @@ class SavedMap(NodeRunner):
         self.assertLess(self.errors(self.odometry)[-1], 0.5)
         node.terminate()
         node.wait(20)
+
+    def test_a_map_that_the_disk_has_no_room_for_ends_no_node(self):
+        """The request says why, nothing half written stays, and the estimate goes on."""
+        path = os.path.join(self.output, "hall.bag")
+        node = self.start_node(functools.partial(bound_files, 20000))  # bytes; the map of 3 s has more than 50000
+        self.play(0.0, 3.0)
+        self.answered(START + 2.7)
+        for _ in range(2):
+            answer = self.call("save_map", path)
+            self.assertFalse(answer.success)
+            self.assertIn(path + ": cannot be written", answer.message)
+            self.assertEqual([], os.listdir(self.output))
+        self.play(3.1, 5.0)
+        self.answered(START + 4.7)
+        node.terminate()
+        self.assertEqual(0, node.wait(20))
 
     def test_what_cannot_be_started_with_is_refused(self):
         """Named with what is allowed."""

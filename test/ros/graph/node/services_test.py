@@ -189,6 +189,11 @@ class ServicesTest(NodeRunner):
         self.assertEqual(2.0, client.get_configuration(timeout=10.0)["path_period_s"])
         client.close()
 
+    def test_what_is_stored_there_and_no_number_is_refused(self):
+        """With its name."""
+        for value in ("much", float("nan"), [1.0], True):
+            self.assertIn("/%s/tuning/gate must be a finite number" % self.name, self.refused(tuning={"gate": value}))
+
 
 if __name__ == "__main__":
     rostest.rosrun("vi_ekf_slam", "services", ServicesTest, sys.argv)

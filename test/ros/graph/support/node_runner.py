@@ -23,10 +23,10 @@ PATIENT = {"buffer": {"max_delay_s": 2.0}, "ros": {"max_latency_s": 0.0}}
 WITHOUT_SLIP = {"slip_sigma": 0.0}
 
 
-def bound_files():
-    """For a process that starts: writing more than that fails, as on a disk that is full."""
+def bound_files(size=LITTLE_ROOM):
+    """For a process that starts: writing more than that (bytes of a file) fails, as on a disk that is full."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (LITTLE_ROOM, LITTLE_ROOM))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 def leave_no_memory(process):
