@@ -49,6 +49,8 @@ bool isSame(const cv::Mat& a, const cv::Mat& b) {
   return !a.empty() && a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0.0;
 }
 
+bool isRepeated(const FrontEndReport& report) { return report.left_repeated || report.right_repeated; }
+
 bool isDark(const FrontEndReport& report) { return report.brightness < kDark; }
 
 /// Why there is hardly any point, or none that both pictures show. (In the dark corners are of noise.)
@@ -74,14 +76,20 @@ std::string faultOf(const FrontEndReport& report) {
 
 std::string problemOf(const FrontEndReport& report) {
   if (report.stamp_refused) return "its stamp is not later than that of the pair before";
+  if (!report.failure.empty()) return "OpenCV fails: " + report.failure;
   const std::string scarcity = scarcityOf(report), fault = faultOf(report);
   // Of the darkest so few grey levels are left that parts look missing.
   if (!scarcity.empty() && isDark(report) && !report.exchanged) return scarcity;
   if (isUseless(report.left) || isUseless(report.right)) return fault;
   if (report.is_one_picture)
     return "left and right are the same picture, without disparity (one topic for both)";
-  if (report.is_repeated)
-    return "the same pictures as before, although the gyro turns (a camera that has stopped)";
+  if (isRepeated(report)) {
+    const char* which = "pictures";
+    if (!report.right_repeated) which = "left picture";
+    if (!report.left_repeated) which = "right picture";
+    return std::string("the same ") + which +
+           " as before, although the gyro turns (a camera that has stopped)";
+  }
   std::string problem;
   if (report.exchanged) {
     problem = "left and right look exchanged";
@@ -97,8 +105,8 @@ std::string problemOf(const FrontEndReport& report) {
 
 bool wasUsed(const FrontEndReport& report) {
   return !(report.stamp_refused || isUseless(report.left) || isUseless(report.right) ||
-           report.is_one_picture || report.is_repeated || report.exchanged || report.without_matches ||
-           report.without_texture || report.too_late);
+           report.is_one_picture || isRepeated(report) || report.exchanged || report.without_matches ||
+           report.without_texture || report.too_late || !report.failure.empty());
 }
 
 FrontEnd::FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& options)
@@ -108,6 +116,17 @@ FrontEnd::FrontEnd(const StereoCalibration& calibration, const FrontEndOptions& 
       matcher_(calibration_) {}
 
 StereoFrame FrontEnd::process(const StereoImages& images) {
+  try {
+    return use(images);
+  } catch (const cv::Exception& e) { // half done: some tracks are of this pair, others of the one before
+    report_.failure = e.err;
+    tracks_.clear();
+    last_.reset();
+    return {images.stamp, {}};
+  }
+}
+
+StereoFrame FrontEnd::use(const StereoImages& images) {
   report_ = {};
   const bool has_jumped = secondsBetween(images.stamp, newest_stamp_) > kJump;
   if (images.stamp <= newest_stamp_ && !has_jumped) {
@@ -126,7 +145,7 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   report_.right = right.fault;
   report_.brightness = left.light.mean;
   report_.is_one_picture = isSame(left.thumbnail, right.thumbnail) && isSame(images.left, images.right);
-  report_.is_repeated = lookRepeated(left, right, before, images.stamp);
+  const bool is_repeated = lookRepeated(left, right, before, images.stamp);
   for (Track& track : tracks_) {
     if (track.matched) track.strayed = 0.0; // it has been told
     track.matched = false;
@@ -137,7 +156,7 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   }
   report_.too_late = last_ && seconds > kMaxGap;
   if (has_jumped) last_.reset();
-  if (isUseless(left.fault) || isUseless(right.fault) || report_.is_one_picture || report_.is_repeated)
+  if (isUseless(left.fault) || isUseless(right.fault) || report_.is_one_picture || is_repeated)
     return {images.stamp, {}};
   followLight(left.light, images.stamp);
   preparePicture(left, light_);
@@ -153,15 +172,20 @@ StereoFrame FrontEnd::process(const StereoImages& images) {
   return features(images.stamp, seconds);
 }
 
-/// Whether they show what the pair before shows although the gyro has turned, or had while they did.
+/// Whether one of them shows what that of the pair before shows although the gyro has turned, or had while
+/// it did.
 bool FrontEnd::lookRepeated(const Picture& left, const Picture& right, Stamp before, Stamp now) {
-  const bool same = isSame(left.thumbnail, left_shown_) && isSame(right.thumbnail, right_shown_);
+  const bool left_same = isSame(left.thumbnail, left_shown_);
+  const bool right_same = isSame(right.thumbnail, right_shown_);
   left_shown_ = left.thumbnail;
   right_shown_ = right.thumbnail;
-  if (!same) return repeats_ = false;
+  if (!left_same && !right_same) return repeats_ = false;
   const auto [motion, rotation_known] = motion_.predict(before, now);
   const double angle = so3::Log(motion.rotation()).norm() - kMostGyroBias * secondsBetween(before, now);
-  return repeats_ = repeats_ || (rotation_known && calibration_.camera.fu * angle > kTurned);
+  repeats_ = repeats_ || (rotation_known && calibration_.camera.fu * angle > kTurned);
+  report_.left_repeated = repeats_ && left_same;
+  report_.right_repeated = repeats_ && right_same;
+  return repeats_;
 }
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.

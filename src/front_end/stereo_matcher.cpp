@@ -46,13 +46,13 @@ bool cut(const cv::Mat& level, const cv::Point2f& pixel, Window& window) {
 StereoMatcher::StereoMatcher(const StereoCalibration& calibration)
     : calibration_(calibration), max_disparity_(kNearest * calibration.left.size().width) {}
 
-std::vector<std::optional<double>> StereoMatcher::search(const Picture& left, const Picture& right,
-                                                         const std::vector<StereoQuery>& queries,
-                                                         double sign) const {
+std::vector<StereoMatcher::Place> StereoMatcher::search(const Picture& left, const Picture& right,
+                                                        const std::vector<StereoQuery>& queries,
+                                                        double sign) const {
   const cv::Mat& left_level = left.pyramid[2 * kSearchLevel]; // images and derivatives in turns
   const cv::Mat& right_level = right.pyramid[2 * kSearchLevel];
   const int steps = static_cast<int>(max_disparity_ / kScale);
-  std::vector<std::optional<double>> found(queries.size());
+  std::vector<Place> found(queries.size(), {{}, kMinCorrelation});
   Window here, there;
   for (std::size_t i = 0; i < queries.size(); ++i) {
     if (!cut(left_level, queries[i].left, here)) continue;
@@ -62,16 +62,14 @@ std::vector<std::optional<double>> StereoMatcher::search(const Picture& left, co
     for (int k = 0; k <= steps + kCurveStep; k += kCurveStep)
       curve.push_back(queries[i].left_rectified - cv::Point2d(k * step, 0.0));
     const auto pixels = calibration_.right.unrectify(curve);
-    float best = kMinCorrelation;
     for (int k = 0; k <= steps; ++k) {
       const std::size_t piece = static_cast<std::size_t>(k / kCurveStep);
       const float share = static_cast<float>(k % kCurveStep) / kCurveStep;
       const cv::Point2f pixel = (1.0f - share) * pixels[piece] + share * pixels[piece + 1];
       if (!cut(right_level, pixel, there)) continue;
       const float correlation = here.dot(there);
-      if (correlation <= best) continue;
-      best = correlation;
-      found[i] = k * step;
+      if (correlation <= found[i].correlation) continue;
+      found[i] = {k * step, correlation};
     }
   }
   return found;
@@ -92,7 +90,7 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
     std::size_t next = 0;
     for (std::size_t i = 0; i < queries.size(); ++i) {
       if (queries[i].disparity.has_value() != is_known) continue;
-      const auto disparity = is_known ? queries[i].disparity : searched[next++];
+      const auto disparity = is_known ? queries[i].disparity : searched[next++].disparity;
       if (!disparity) continue;
       points.push_back(queries[i].left);
       places.push_back(queries[i].left_rectified - cv::Point2d(*disparity, 0.0));
@@ -119,10 +117,12 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
 
 bool StereoMatcher::lookExchanged(const Picture& left, const Picture& right,
                                   const std::vector<StereoQuery>& queries) const {
-  const auto backward = search(left, right, queries, -1.0);
+  const auto backward = search(left, right, queries, -1.0), forward = search(left, right, queries, 1.0);
   std::size_t count = 0;
-  for (std::size_t i = 0; i < queries.size(); ++i)
-    count += backward[i] && *backward[i] <= -kScale * queries[i].magnification ? 1 : 0;
+  for (std::size_t i = 0; i < queries.size(); ++i) { // what is of one kind is found on both sides
+    const bool is_behind = backward[i].correlation > forward[i].correlation;
+    count += is_behind && *backward[i].disparity <= -kScale * queries[i].magnification ? 1 : 0;
+  }
   return 2 * count > queries.size();
 }
 

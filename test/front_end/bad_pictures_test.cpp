@@ -180,6 +180,25 @@ TEST_F(RepeatedPictures, are_of_no_use_while_the_gyro_turns) {
   EXPECT_EQ("", problemOf(front_end_.report()));
 }
 
+TEST_F(RepeatedPictures, of_one_camera_are_of_no_use_while_the_gyro_turns) {
+  front_end_.setImuRotation(Eigen::Matrix3d::Identity());
+  for (const bool is_left : {true, false}) {
+    const StereoImages stopped = look();
+    front_end_.process(stopped);
+    for (int k = 0; k < 5; ++k) {
+      StereoImages images = look();
+      (is_left ? images.left : images.right) = (is_left ? stopped.left : stopped.right).clone();
+      front_end_.addImu({stamp() - 50'000'000, {0.0, 0.5, 0.0}, {}});
+      front_end_.addImu({stamp(), {0.0, 0.5, 0.0}, {}});
+      EXPECT_TRUE(front_end_.process(images).features.empty());
+      EXPECT_EQ(std::string("the same ") + (is_left ? "left" : "right") +
+                    " picture as before, although the gyro turns (a camera that has stopped)",
+                problemOf(front_end_.report()));
+      EXPECT_FALSE(wasUsed(front_end_.report()));
+    }
+  }
+}
+
 TEST_F(RepeatedPictures, are_right_at_rest_whatever_the_bias_of_the_gyro) {
   EXPECT_GT(repeat(0.3), 9 * kCount / 2);
   EXPECT_EQ("", problemOf(front_end_.report()));
@@ -196,6 +215,50 @@ TEST_F(BadPictures, left_and_right_exchanged_later_on) {
   for (int k = 0; k < 10; ++k) front_end_.process(look());
   EXPECT_EQ("", problemOf(front_end_.report()));
   EXPECT_GT(front_end_.report().matched, kCount / 2);
+}
+
+// As a fence: each point is found on both sides, but looks most like what is where it should be.
+TEST_F(BadPictures, of_repeated_texture_in_other_rows_do_not_look_exchanged) {
+  const cv::Size size = testCalibration().left.size();
+  cv::Mat tile(size.height, 48, CV_8U), fence, noise(size.height, size.width + 8, CV_8U);
+  cv::RNG random(3);
+  random.fill(tile, cv::RNG::UNIFORM, 0, 256);
+  random.fill(noise, cv::RNG::UNIFORM, 0, 256);
+  cv::repeat(tile, 1, noise.cols / tile.cols + 1, fence);
+  fence = fence.colRange(0, noise.cols);
+  for (cv::Mat* image : {&fence, &noise}) {
+    cv::GaussianBlur(*image, *image, {}, 5.0);
+    cv::normalize(*image, *image, 20, 235, cv::NORM_MINMAX);
+  }
+  cv::addWeighted(fence, 0.75, noise, 0.25, 0.0, fence);
+  StereoImages images{stamp(), fence.colRange(0, size.width).clone(), cv::Mat()};
+  images.right = cv::Mat(size, CV_8U);
+  for (int v = 0; v < size.height; ++v) // 8 px to the left, 4 rows lower
+    fence.row((v + size.height - 4) % size.height).colRange(8, size.width + 8).copyTo(images.right.row(v));
+  front_end_.process(images);
+  EXPECT_FALSE(front_end_.report().exchanged);
+  EXPECT_EQ(0u, problemOf(front_end_.report()).find("hardly any point is found in the right picture"))
+      << problemOf(front_end_.report());
+  std::swap(images.left, images.right);
+  images.stamp += 50'000'000;
+  front_end_.process(images);
+  EXPECT_TRUE(front_end_.report().exchanged);
+}
+
+TEST_F(BadPictures, that_OpenCV_fails_at_are_told_of) {
+  StereoCalibration calibration = testCalibration();
+  CameraModel::Parameters p = calibration.right.parameters();
+  p.size.height -= 8;
+  calibration.right = CameraModel(p);
+  FrontEnd front_end(calibration, {kCount}); // which ImageIntake refuses
+  for (int k = 0; k < 3; ++k) {
+    StereoImages images = look();
+    images.right = images.right.rowRange(0, p.size.height).clone();
+    EXPECT_TRUE(front_end.process(images).features.empty());
+    EXPECT_EQ(0u, problemOf(front_end.report()).find("OpenCV fails: ")) << problemOf(front_end.report());
+    EXPECT_FALSE(wasUsed(front_end.report()));
+    EXPECT_TRUE(front_end.tracks().empty());
+  }
 }
 
 TEST_F(BadPictures, of_which_the_right_one_shows_something_else) {

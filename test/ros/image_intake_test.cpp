@@ -223,6 +223,17 @@ TEST_F(Calibration, names_a_size_that_nobody_gave) {
   EXPECT_EQ("left/camera_info: width x height is 0 x 480, allowed: 61 to 16384 px", problem_);
 }
 
+TEST_F(Calibration, refuses_pictures_of_two_sizes) {
+  left_.width = 752;
+  left_.height = 480;
+  right_.width = 376;
+  right_.height = 240;
+  EXPECT_FALSE(make());
+  EXPECT_EQ(
+      "left pictures are 752 x 480, right ones 376 x 240, allowed: the same size (scale one, with its K)",
+      problem_);
+}
+
 TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_stays_so) {
   PairCalibration calibration(ImageKind::kAuto, {}, "");
   for (const char* frame : {"imu", "another_imu"}) {
@@ -247,6 +258,13 @@ TEST(PairCalibration, is_complete_with_both_cameras_and_the_way_to_the_IMU_and_s
   calibration.addTransforms(transforms, true);
   ASSERT_TRUE(calibration.cam_R_imu());
   EXPECT_TRUE(calibration.cam_R_imu()->diagonal().isApprox(Eigen::Vector3d(-1.0, -1.0, 1.0)));
+  for (const unsigned seconds : {1000U, 500U}) { // time jumps back, of a part that moves
+    transforms.transforms[0].header.stamp = ros::Time(seconds, 0);
+    transforms.transforms[0].child_frame_id = "arm";
+    testing::internal::CaptureStderr();
+    calibration.addTransforms(transforms, false);
+    EXPECT_EQ("", testing::internal::GetCapturedStderr());
+  }
   sensor_msgs::CameraInfo other = info(false);
   other.header.frame_id = "other";
   calibration.addLeft(other);

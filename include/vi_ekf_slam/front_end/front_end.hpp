@@ -29,7 +29,8 @@ struct FrontEndReport {
   bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
   bool too_late = false;        ///< more than tracks are bridged after the pair before
   bool is_one_picture = false;  ///< left and right are the same, bit for bit
-  bool is_repeated = false;     ///< the pictures of the pair before, although the gyro says that it turns
+  bool left_repeated = false;   ///< the picture of the pair before, although the gyro says that it turns
+  bool right_repeated = false;  ///< the same
   bool exchanged = false;       ///< left and right look exchanged
   bool without_matches = false; ///< hardly any point of the left picture is found in the right one
   bool without_texture = false; ///< hardly anything to follow in the left picture (dark, blurred, empty)
@@ -41,6 +42,7 @@ struct FrontEndReport {
   std::size_t matched = 0;      ///< of all tracks, found in the right picture: the features that go out
   double mean_life_s = 0.0;     ///< s, of the tracks that are alive
   double brightness = 0.0;      ///< mean of the left picture, 0 to 255
+  std::string failure;          ///< what OpenCV failed at: the pair is of no use, and all tracks ended
 };
 
 /// What is wrong with the pair, in words; empty: nothing.
@@ -82,6 +84,7 @@ class FrontEnd {
 
   /// Since the last pair that was of use; 0 before the first.
   double secondsSinceLast(Stamp stamp) const { return last_ ? secondsBetween(last_->stamp, stamp) : 0.0; }
+  StereoFrame use(const StereoImages& images);
   bool lookRepeated(const Picture& left, const Picture& right, Stamp before, Stamp now);
   void followLight(const Light& light, Stamp stamp);
   std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
@@ -104,7 +107,7 @@ class FrontEnd {
   Light light_;                      ///< of all pictures, once they are prepared
   Stamp newest_stamp_ = 0;           ///< of any pair
   cv::Mat left_shown_, right_shown_; ///< thumbnails of any pair
-  bool repeats_ = false;
+  bool repeats_ = false;             // one of them or both
   bool exchanged_ = false;
   /// Counts up from the first pair's stamp in us, so that a map of an earlier start has other ids.
   FeatureId next_id_ = 0;

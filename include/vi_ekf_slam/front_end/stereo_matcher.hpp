@@ -33,13 +33,18 @@ class StereoMatcher {
                                  const std::vector<StereoQuery>& queries) const;
 
   /// Whether the pictures look exchanged: of these points most are found to the right of where they are on
-  /// the left.
+  /// the left, and look less like anything to the left of it.
   bool lookExchanged(const Picture& left, const Picture& right,
                      const std::vector<StereoQuery>& queries) const;
 
  private:
-  std::vector<std::optional<double>> search(const Picture& left, const Picture& right,
-                                            const std::vector<StereoQuery>& queries, double sign) const;
+  struct Place {
+    std::optional<double> disparity; ///< px; nothing: it is not found
+    float correlation;               ///< of it; else what it must exceed
+  };
+
+  std::vector<Place> search(const Picture& left, const Picture& right,
+                            const std::vector<StereoQuery>& queries, double sign) const;
 
   const StereoCalibration& calibration_;
   double max_disparity_; ///< px of the images that come

@@ -23,12 +23,13 @@ constexpr const char* kTransport = "image_transport";
 
 FrontEndNode::FrontEndNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
     : nh_(nh),
-      config_(readConfiguration(private_nh, {kTransport, "diagnostic_period"})),
+      config_(readConfiguration(private_nh, {kTransport, kDiagnosticPeriod})),
       intake_(config_, resolvedTopics(), [this](const StereoFeatureArray& features) { publish(features); }),
       transport_(nh_),
       drawings_(transport_.advertise("front_end/image", 1)),
       features_(nh_.advertise<StereoFeatureArray>("features", kFeatureQueue)),
       diagnostics_(nh_, private_nh, intake_) {
+  requireDiagnosticPeriod(private_nh);
   intake_.onPair([this](const StereoImages& images, const FrontEnd& front_end) { draw(images, front_end); });
   intake_.onCalibration([](const std::string& text) { ROS_INFO_STREAM(text); });
   std::string transport = "raw";
@@ -131,11 +132,12 @@ void FrontEndNode::draw(const StereoImages& images, const FrontEnd& front_end) {
 }
 
 void FrontEndNode::report() {
-  if (secondsSince(last_report_) < diagnostics_.period()) return;
-  last_report_ = WorkQueue::Clock::now();
-  diagnostics_.publish();
+  if (secondsSince(last_report_) >= diagnostics_.period()) {
+    last_report_ = WorkQueue::Clock::now();
+    diagnostics_.publish();
+  }
   if (secondsSince(last_warning_) < kWarningPeriod) return;
-  last_warning_ = last_report_;
+  last_warning_ = WorkQueue::Clock::now();
   if (const std::string problem = intake_.problem(); !problem.empty())
     ROS_WARN_STREAM("images are not used: " << problem);
   const auto turned_away = intake_.turnedAway();

@@ -39,6 +39,17 @@ CameraModel cameraModel(const sensor_msgs::CameraInfo& info, ImageKind images) {
   return CameraModel(p);
 }
 
+/// Optical flow leads from the one picture into the other. Throws std::invalid_argument.
+void requireOneSize(const StereoCalibration& calibration) {
+  const cv::Size left = calibration.left.size(), right = calibration.right.size();
+  const auto say = [](const cv::Size& size) {
+    return std::to_string(size.width) + " x " + std::to_string(size.height);
+  };
+  if (left != right)
+    throw std::invalid_argument("left pictures are " + say(left) + ", right ones " + say(right) +
+                                ", allowed: the same size (scale one, with its K)");
+}
+
 } // namespace
 
 std::optional<StereoCalibration> stereoCalibration(const sensor_msgs::CameraInfo& left,
@@ -54,8 +65,10 @@ std::optional<StereoCalibration> stereoCalibration(const sensor_msgs::CameraInfo
     }
   };
   try {
-    return StereoCalibration{modelOf(left, topics.left_info), modelOf(right, topics.right_info),
-                             stereoCamera(left, right)};
+    const StereoCalibration calibration{modelOf(left, topics.left_info), modelOf(right, topics.right_info),
+                                        stereoCamera(left, right)};
+    requireOneSize(calibration);
+    return calibration;
   } catch (const std::exception& e) {
     problem = e.what();
     return std::nullopt;
@@ -76,6 +89,7 @@ void PairCalibration::addRight(const sensor_msgs::CameraInfo& info) {
 }
 
 void PairCalibration::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
+  if (cam_R_imu_) return; // that one holds; after a jump back of time tf2 complains of each transform
   frames_.add(message, is_static);
   updateRotation();
 }

@@ -31,9 +31,8 @@ def estimate_motion(rig):
     """Motion, or None where there is nothing to see it by."""
     if rig.cameras is None:
         return None
-    steps = _features(rig) if "features" in rig.streams else _pictures(rig)
     rows, times, ms = [], [], []
-    for begin, end, before, after, wall in steps:
+    for begin, end, before, after, wall in steps(rig):
         found = _solve(rig.cameras[0].P[:, :3], _baseline(rig), before, after, "features" not in rig.streams)
         if found is not None:
             times.append((begin, end))
@@ -43,6 +42,13 @@ def estimate_motion(rig):
         return None
     times, table = np.array(times, dtype=np.int64), np.array(rows)
     return Motion(times[:, 0], times[:, 1], table[:, :3], table[:, 3:6], table[:, 6], table[:, 7], float(np.median(ms)))
+
+
+def steps(rig):
+    """[(begin ns, end ns, before (N, 4) px uL vL uR vR, after (N, 2) px of the left picture, ms)], found once."""
+    if rig.steps is None:
+        rig.steps = list(_features(rig) if "features" in rig.streams else _pictures(rig))
+    return rig.steps
 
 
 def _baseline(rig):

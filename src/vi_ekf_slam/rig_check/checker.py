@@ -21,9 +21,10 @@ Check = namedtuple("Check", "name function needs")
 
 def all_checks():
     """The most basic first; `needs`: checks without which what one finds only follows from them."""
-    from vi_ekf_slam.rig_check import calibration, imu_units, inputs, load, pictures, rotation, scale, stereo, timing
+    from vi_ekf_slam.rig_check import calibration, imu_units, inputs, load, moment, pictures, rotation, scale, stereo, timing
     times = ("topics", "stamps", "clocks")
-    seen = times + ("numbers", "pairs", "camera_info", "pictures", "stereo")
+    known = times + ("numbers", "pairs", "camera_info", "pictures")
+    seen = known + ("one moment", "stereo")
     turns = seen + ("rates", "gyro")
     return (
         Check("topics", inputs.check_inputs, ()),
@@ -36,7 +37,8 @@ def all_checks():
         Check("transform", calibration.check_extrinsic, ()),
         Check("pairs", timing.check_pairs, ("stamps", "clocks")),
         Check("pictures", pictures.check_pictures, ("pairs",)),
-        Check("stereo", stereo.check_stereo, ("numbers", "camera_info", "pairs", "pictures")),
+        Check("one moment", moment.check_moment, known),
+        Check("stereo", stereo.check_stereo, ("numbers", "camera_info", "pairs", "pictures", "one moment")),
         Check("gyro", rotation.check_gyro, seen + ("rates",)),
         Check("rotation", rotation.check_rotation, turns + ("transform",)),
         Check("time offset", rotation.check_offset, turns),

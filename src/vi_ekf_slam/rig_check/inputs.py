@@ -50,9 +50,8 @@ def check_numbers(rig, report):
         parts.append(("imu", "linear_acceleration", rig.imu.acceleration, MAX_ACCELERATION, "m/s^2"))
     if rig.velocity is not None:
         parts.append((rig.velocity_name, "twist.linear", rig.velocity, 200.0, "m/s"))
-    if rig.frames:
-        pixels = np.concatenate([p for _, p in rig.frames]) if any(len(i) for i, _ in rig.frames) else np.zeros((0, 4))
-        parts.append(("features", "pixels", pixels, 1e5, "px"))
+    if any(len(ids) for ids, _ in rig.frames):
+        parts.append(("features", "pixels", np.concatenate([pixels for _, pixels in rig.frames]), 1e5, "px"))
     bad_any = False
     for name, field, values, limit, unit in parts:
         bad = ~np.isfinite(values).all(axis=1)

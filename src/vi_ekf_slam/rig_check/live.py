@@ -13,7 +13,7 @@ MAX_BYTES = 4e9  # of pictures: what a temporary folder may hold
 
 
 def record(path, options):
-    """Write what comes within options.live s to `path`. InputError without a master or any topic."""
+    """Write what comes within options.live s to `path`. InputError without a master, any topic or any message."""
     import rosgraph
     import rospy
     if not rosgraph.is_master_online():
@@ -31,7 +31,9 @@ def record(path, options):
         time.sleep(min(0.1, max(0.0, end - time.monotonic())))
     for subscriber in subscribers:
         subscriber.unregister()
-    writer.close()
+    if not writer.close():
+        raise InputError("nothing was published in %g s on %s, at %s (ROS_MASTER_URI)"
+                         % (options.live, ", ".join(wanted), rosgraph.get_master_uri()))
 
 
 class _Writer:
@@ -54,7 +56,8 @@ class _Writer:
             self._bag.write(topic, raw, genpy.Time.from_sec(now), raw=True, connection_header=stored(header))
 
     def close(self):
-        """No more is written."""
+        """No more is written; how many bytes were."""
         with self._lock:
             self._bag.close()
             self._bag = None
+            return self._bytes

@@ -34,7 +34,7 @@ class Rig:
         self.path = path
         self.streams, self.infos, self.changed, self.transforms = {}, {}, set(), []
         self.imu = self.velocity = self.velocity_name = None
-        self.cameras = self.cam_T_imu = self.pairs = self.motion = self.alignment = self.gyro_bias = self.noise = None  # of the checks
+        self.cameras = self.cam_T_imu = self.pairs = self.steps = self.motion = self.alignment = self.gyro_bias = self.noise = None  # of the checks
         self.rectified, self.noise_path = False, ""
         self.frames, self.feature_sigmas = [], []
         with open_bag(path) as bag:

@@ -13,7 +13,7 @@ YELLOW, RED = 0.03, 0.10
 DIRECTION_YELLOW, DIRECTION_RED = 5.0, 20.0  # deg, of the mean travel: slip and the points' noise make less
 FREE = 0.05  # weight of no turn at all: a car that drives straight ahead does not tell its camera's roll
 WINDOW = 1.0  # s over which the accelerometer is integrated twice
-MOST_SIGMA = 0.03  # of the scale, for it to be judged
+MOST_SIGMA = 0.03  # share of the scale, for it to be judged: the error of what is scaled grows with it
 MOST_GRAVITY_ERROR = 0.05  # share, of what the same fit finds and is known: a sound fit is right about both
 # Steps whose errors are one: a window's positions share those of the steps before, and points are off alike for a second (of KITTI's
 # drives the ratios of speeds are correlated as if 2 to 11 steps counted as one).
@@ -53,7 +53,8 @@ def _by_velocity(rig, report):
     # Along what is told: noise across it makes a step longer, but not the way.
     ratios = np.sum(seen * (told @ C.T), axis=1)[fast] / speeds[0][fast] ** 2
     report.draw("speed of the camera, m/s: by its points, and as told", _draw_speeds(begin, *speeds))
-    spread = 1.48 * np.median(np.abs(ratios - np.median(ratios))) * np.sqrt(SAME / fast.sum())
+    ratio = float(np.median(ratios))
+    spread = 1.48 * np.median(np.abs(ratios - ratio)) * np.sqrt(SAME / fast.sum())
     off = _direction(seen[fast], told[fast] @ C.T)
     if off > DIRECTION_YELLOW:
         say = report.red if off > DIRECTION_RED else report.yellow
@@ -62,20 +63,20 @@ def _by_velocity(rig, report):
                 "child_frame_id" if rig.velocity_name == "wheel_odometry" else "frame_id", stream.frame_id))
         return
     report.green("direction of travel", "%.1f deg" % off, "%g deg" % DIRECTION_YELLOW)
-    if not spread < MOST_SIGMA:
+    if not spread < MOST_SIGMA * ratio:
         report.unjudged("the points tell the camera's speed too badly for the scale (%.2f +- %.2f): pass by nearer things, or see the "
-                        "sharpness of the pictures" % (np.median(ratios), 3.0 * spread))
+                        "sharpness of the pictures" % (ratio, 3.0 * spread))
         return
-    _say_scale(report, float(np.median(ratios)), spread, "the velocity", "the velocity's unit or scale (wheel circumference)")
+    _say_scale(report, ratio, spread, "the velocity", "the velocity's unit or scale (wheel circumference)")
 
 
 def _say_scale(report, ratio, sigma, source, other):
     figure = "the camera's speed is %.3f times that of %s, +- %.3f" % (ratio, source, 3.0 * sigma)
-    error = abs(np.log(max(ratio, 1e-6)))
-    if error < max(YELLOW, 3.0 * sigma):
+    error, noise = abs(np.log(ratio)), 3.0 * sigma / ratio
+    if error < max(YELLOW, noise):
         report.green("the baseline's scale", figure, "1 +- %g" % YELLOW)
         return
-    (report.red if error > max(RED, 3.0 * sigma) else report.yellow)(
+    (report.red if error > max(RED, noise) else report.yellow)(
         "the scale of the baseline does not fit %s" % source, figure, "1 +- %g" % YELLOW,
         "right P[3] = -fx * baseline in m: the baseline would be %.3f of what is stated; or %s is wrong" % (1.0 / ratio, other))
 
@@ -108,7 +109,7 @@ def _by_accelerometer(rig, report):
     weighted = A * weights[:, None]
     ratio = solution[0]
     sigma *= np.sqrt(SAME * np.linalg.pinv(weighted.T @ weighted)[0, 0])
-    if not sigma < MOST_SIGMA:
+    if not sigma < MOST_SIGMA * abs(ratio):
         report.unjudged("accelerations are too small to tell the scale (%.2f +- %.2f): shake the rig" % (ratio, 3.0 * sigma))
         return
     if ratio < 0.0:

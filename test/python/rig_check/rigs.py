@@ -68,8 +68,9 @@ def street(random):
 
 
 def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0.02, place=room, frame_rate=FRAME_RATE,
-                  baseline=BASELINE, pixel_sigma=PIXEL_SIGMA):
-    """Recording with features from first_frame s on and an accelerometer, and the IMU's velocity where that is wanted."""
+                  baseline=BASELINE, pixel_sigma=PIXEL_SIGMA, right_late=0.0):
+    """Recording with features from first_frame s on and an accelerometer, and the IMU's velocity where that is wanted. right_late s:
+    the right camera is exposed later than the left one, with its stamp."""
     random = np.random.default_rng(seed)
     count = int(DURATION * NOISE.rate)
     times = np.arange(count) / NOISE.rate
@@ -81,9 +82,9 @@ def shaken_points(with_velocity=False, seed=1, motion=ShakenRig(), first_frame=0
     frame_times = np.arange(first_frame, DURATION - 0.05, 1.0 / frame_rate)
     ids, pixels, starts = [], [], [0]
     for t in frame_times:
-        q = (inverse(motion.pose(t) @ IMU_T_LEFT) @ np.column_stack([points, np.ones(len(points))]).T)[:3]
-        uv = (K @ (q / q[2]))[:2]
-        row = np.stack([uv[0], uv[1], uv[0] - K[0, 0] * baseline / q[2], uv[1]])
+        q, late = ((inverse(motion.pose(x) @ IMU_T_LEFT) @ np.column_stack([points, np.ones(len(points))]).T)[:3] for x in (t, t + right_late))
+        uv, uv_late = (K @ (q / q[2]))[:2], (K @ (late / late[2]))[:2]
+        row = np.stack([uv[0], uv[1], uv_late[0] - K[0, 0] * baseline / late[2], uv_late[1]])
         seen = np.flatnonzero((q[2] > 0.5) & (row[[0, 2]] > 5).all(axis=0) & (row[[0, 2]] < SIZE[0] - 5).all(axis=0) & (row[1] > 5)
                               & (row[1] < SIZE[1] - 5))[:90]
         ids.append(seen)

@@ -84,12 +84,37 @@ def test_the_fault_is_named_first(name, sound, tmp_path):
     assert first.advice
 
 
+@pytest.mark.parametrize("factor", [10.0, 1000.0])
+@pytest.mark.parametrize("with_velocity", [False, True])
+def test_a_baseline_that_is_stated_far_too_long_is_told(sound, with_velocity, factor, tmp_path):
+    """What is scaled wrongly has errors of that scale: they hide the fault no more than a small one."""
+    findings = judge(tmp_path / "broken.bag", infos(rigs.copies(sound[with_velocity]), scale_baseline(factor))).findings
+    told = [finding for finding in findings if finding.check == "scale" and finding.level == RED]
+    assert told and "the scale of the baseline does not fit" in told[0].text, findings
+
+
 @pytest.mark.parametrize("with_velocity", [False, True])
 def test_nothing_is_wrong_with_a_sound_rig(sound, with_velocity, tmp_path):
     report = judge(tmp_path / "sound.bag", sound[with_velocity])
     assert report.first is None
     judged = {finding.check for finding in report.of_level(GREEN)}
-    assert {"topics", "clocks", "stereo", "gyro", "rotation", "time offset", "scale", "noise", "gyro bias"} <= judged
+    assert {"topics", "clocks", "one moment", "stereo", "gyro", "rotation", "time offset", "scale", "noise", "gyro bias"} <= judged
+
+
+@pytest.mark.parametrize("late", [0.005, -0.02])
+def test_cameras_that_are_not_exposed_at_once_are_named_whatever_their_stamps(late, tmp_path):
+    report = judge(tmp_path / "late.bag", rigs.message_list(rigs.shaken_points(right_late=late)))
+    first = report.first
+    assert first.level == RED and "right pictures are %s than left ones" % ("later" if late > 0.0 else "earlier") in first.text
+    assert float(first.figure.split()[0]) == pytest.approx(1e3 * abs(late), rel=0.25)
+    assert [finding.advice for finding in report.findings if finding.check == "stereo"] == ["follows from: " + first.text]
+
+
+def test_rows_that_differ_by_where_a_point_is_are_no_delay(sound, tmp_path):
+    def change(f):
+        f.v_right += 0.01 * (f.v_left - 200.0) + 1.0  # another focal length and a shift
+    report = judge(tmp_path / "focal.bag", features(rigs.copies(sound[False]), change))
+    assert not [finding for finding in report.findings if finding.check == "one moment" and finding.level != GREEN]
 
 
 def test_nothing_is_wrong_where_frames_lie_between_samples_of_the_imu(tmp_path):
@@ -154,6 +179,12 @@ def test_a_rig_that_turns_about_one_axis_tells_what_is_wrong_about_the_others(tm
     told = quaternion_to_rotation([float(word) for word in words[words.index("Z") + 1:][:4]])
     assert np.linalg.norm(told[2] - C[2, :3]) < np.radians(0.5)  # the vertical in the camera
     assert misalignment_of(told) < np.radians(5.0)  # about the vertical noise alone moves it
+
+
+def test_features_without_a_point_are_no_reason_to_warn(sound, tmp_path, recwarn):
+    empty = every(rigs.copies(sound[False]), 1, lambda message: setattr(message, "features", []), "/features")
+    report = judge(tmp_path / "empty.bag", empty)
+    assert report.first.text == "features are empty" and [str(warning.message) for warning in recwarn] == []
 
 
 def test_where_the_rig_hardly_turns_nothing_is_said_of_rotation_and_clocks(tmp_path):

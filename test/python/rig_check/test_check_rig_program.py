@@ -126,6 +126,19 @@ def test_live_topics_are_judged(sound, tmp_path):
     assert "two clocks" not in done.stdout and "matched points lie in one row" in done.stdout
 
 
+SILENT = "import rospy; from sensor_msgs.msg import Imu; rospy.init_node('silent'); p = rospy.Publisher('/imu', Imu); rospy.spin()"
+
+
+def test_live_topics_on_which_nothing_is_published_are_refused(tmp_path):
+    with ros_master(str(tmp_path)) as environment, open(os.devnull, "wb") as null:
+        with child([sys.executable, "-W", "ignore", "-c", SILENT], env=environment, stdin=subprocess.DEVNULL, stdout=null, stderr=null):
+            _wait_for("/imu", environment)
+            done = subprocess.run([sys.executable, script_path("check_rig.py"), "--live", "0.5"], env=environment, stdout=subprocess.PIPE,
+                                  stderr=subprocess.PIPE, universal_newlines=True, timeout=120)
+    assert done.returncode == 2 and done.stderr == "error: nothing was published in 0.5 s on /imu, at %s (ROS_MASTER_URI)\n" % (
+        environment["ROS_MASTER_URI"]), done.stderr
+
+
 def _wait_for(topic, environment):
     import time
 

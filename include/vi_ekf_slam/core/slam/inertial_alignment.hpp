@@ -16,8 +16,8 @@ class InertialAlignment {
  public:
   /// What to look at where IMU and pictures contradict each other; it ends a parenthesis.
   static constexpr char kAxes[] =
-      "are the IMU's axes those of the transform to the camera, are the stamps of both of one clock, and is "
-      "the baseline right?)";
+      "are the IMU's axes those of the transform to the camera, are the stamps of both of one clock, is the "
+      "baseline right, are features as exact as their sigma says, and is what is seen at rest?)";
 
   explicit InertialAlignment(const InvariantConfig& config);
 
