@@ -4,6 +4,7 @@ import contextlib
 import signal
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_received = []
 
 
 @contextlib.contextmanager
@@ -12,11 +13,22 @@ def signals_unwind():
     def stop(signum, _frame):
         for number in STOP_SIGNALS:  # the clean-up itself must not be interrupted
             signal.signal(number, signal.SIG_IGN)
+        _received.append(signum)
         raise SystemExit(128 + signum)
 
+    _received.clear()
     previous = [(number, signal.signal(number, stop)) for number in STOP_SIGNALS]
     try:
         yield
     finally:
         for number, handler in previous:
             signal.signal(number, handler)
+
+
+def end_if_told():
+    """SystemExit again where one of the signals came in the block and the exception was swallowed.
+
+    rospy catches everything at some places. Loops that use it within `signals_unwind` call this.
+    """
+    if _received:
+        raise SystemExit(128 + _received[0])

@@ -5,6 +5,7 @@ import time
 
 from vi_ekf_slam.bag.connections import stored
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.stop_signals import end_if_told
 from vi_ekf_slam.rig_check import topics as names
 
 STATIC = ("/tf_static", "/tf")
@@ -28,6 +29,7 @@ def record(path, options):
     subscribers = [rospy.Subscriber(topic, rospy.AnyMsg, writer.write, topic, queue_size=QUEUE, tcp_nodelay=True) for topic in wanted]
     end = time.monotonic() + options.live
     while time.monotonic() < end and not rospy.is_shutdown():
+        end_if_told()
         time.sleep(min(0.1, max(0.0, end - time.monotonic())))
     for subscriber in subscribers:
         subscriber.unregister()

@@ -15,7 +15,7 @@ import yaml
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.package_files import package_file, package_program
-from vi_ekf_slam.common.stop_signals import signals_unwind
+from vi_ekf_slam.common.stop_signals import end_if_told, signals_unwind
 from vi_ekf_slam.ros.private_ros import FOREIGN, child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s
@@ -115,6 +115,7 @@ class Traffic:
         ticks = int(self.options.duration * self.options.imu_rate)
         next_velocity = next_frame = 0.0
         for tick in range(ticks):
+            end_if_told()
             elapsed = tick / self.options.imu_rate
             due = start + elapsed - time.monotonic()
             if due > 0.0:
@@ -166,6 +167,7 @@ class Traffic:
 def _wait(condition, limit, what):
     end = time.monotonic() + limit
     while not condition():
+        end_if_told()
         if time.monotonic() > end:
             raise InputError(what)
         time.sleep(0.05)
