@@ -15,6 +15,8 @@ constexpr std::size_t kJudgedFrames = 10, kJudgedPoints = 200; // that are judge
 constexpr double kMedianOfRows = 0.674 * 1.414;
 constexpr double kRowFactor =
     2.4; // of the median that noise makes: no sample of so many points has it by chance
+constexpr double kNoiseFactor =
+    1.3; // of the stated noise: 3.6 standard deviations of the median of kJudgedPoints
 constexpr double kMaxMedianRow =
     1.5; // px, beyond which the front end takes no match (front_end/stereo_matcher.cpp)
 constexpr double kClearDisparity = 1.0; // px: less disparity has no sign
@@ -47,8 +49,15 @@ std::string PairCheck::judge() const {
            " % of the points are behind the cameras, allowed: " + rounded(100.0 * kBehindShare) +
            " %; exchange left and right: u_left must be the larger one";
   const double error = medianOf(rows_);
-  const double limit = std::max(kMaxMedianRow, kRowFactor * kMedianOfRows * medianOf(sigmas_));
-  if (error <= limit) return {};
+  const double stated = medianOf(sigmas_), noise = error / kMedianOfRows;
+  const double limit = std::max(kMaxMedianRow, kRowFactor * kMedianOfRows * stated);
+  if (error <= limit && noise <= kNoiseFactor * stated) return {};
+  if (error <= limit)
+    return "pixel noise is larger than stated: rows of matched points differ by " + rounded(error) +
+           " px (median of " + std::to_string(rows_.size()) + " points), as noise of " + rounded(noise) +
+           " px makes them, stated: " + rounded(stated) +
+           " px; the covariance is too small: state the noise that there is (invariant/pixel_sigma, sigma of "
+           "the features), or rectify more exactly";
   return "matched points lie in different rows: " + rounded(error) + " px (median of " +
          std::to_string(rows_.size()) + " points), allowed: " + rounded(limit) +
          " px; the features are not those of rectified pictures: rectify their pixels with D, K, R and P of "

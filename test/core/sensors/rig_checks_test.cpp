@@ -58,6 +58,14 @@ TEST(StereoCheck, NamesRowsThatDiffer) {
   EXPECT_NE(said.find("px (median of 400 points), allowed: 2.29 px"), std::string::npos) << said;
 }
 
+TEST(StereoCheck, NamesNoiseThatIsLargerThanStated) {
+  EXPECT_EQ(saidOf([](StereoPixels&) {}, 1.1), "");
+  const std::string said = saidOf([](StereoPixels&) {}, 1.5);
+  EXPECT_NE(said.find("pixel noise is larger than stated: rows of matched points differ by "), std::string::npos)
+      << said;
+  EXPECT_NE(said.find("px makes them, stated: 1 px;"), std::string::npos) << said;
+}
+
 TEST(StereoCheck, NamesSidesThatAreExchanged) {
   const std::string said = saidOf([](StereoPixels& p) { std::swap(p[0], p[2]); });
   EXPECT_NE(said.find("disparity has the wrong sign: 100 % of the points"), std::string::npos) << said;
