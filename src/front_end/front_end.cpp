@@ -26,6 +26,8 @@ constexpr std::size_t kLittleTexture = 10; // tracks
 // rad/s that a gyro may show at rest, three of the sigmas that the filter takes its bias to have: a camera
 // that is simulated without noise repeats its picture rightly then.
 constexpr double kMostGyroBias = 0.3;
+// s; what repeats for less is no rest, but a picture that was sent twice.
+constexpr double kLeastRest = 0.2;
 constexpr double kTurned = 1.0; // px, of which a picture shows that the camera has turned
 // px, RMS over the lives of tracks on recorded drives: a patch hides the shape of what it shows, and that
 // error stays much the same from image to image. A filter that takes the errors of two images as independent
@@ -87,6 +89,10 @@ StereoFrame FrontEnd::use(const StereoImages& images) {
   report_.brightness = left.light.mean;
   report_.is_one_picture = isSame(left.thumbnail, right.thumbnail) && isSame(images.left, images.right);
   const bool is_repeated = lookRepeated(left, right, before, images.stamp);
+  if (report_.sent_twice) { // as if it had not come: to hear of a pair without tracks would end all of them
+    newest_stamp_ = before;
+    return {images.stamp, {}};
+  }
   for (Track& track : tracks_) {
     if (track.matched) track.strayed = 0.0; // it has been told
     track.matched = false;
@@ -114,19 +120,24 @@ StereoFrame FrontEnd::use(const StereoImages& images) {
 }
 
 /// Whether one of them shows what that of the pair before shows although the gyro has turned, or had while
-/// it did.
+/// it did, or too soon for a camera that has come to rest.
 bool FrontEnd::lookRepeated(const Picture& left, const Picture& right, Stamp before, Stamp now) {
   const bool left_same = isSame(left.thumbnail, left_shown_);
   const bool right_same = isSame(right.thumbnail, right_shown_);
   left_shown_ = left.thumbnail;
   right_shown_ = right.thumbnail;
-  if (!left_same && !right_same) return repeats_ = false;
+  const bool is_new = !left_same && !right_same;
+  if (is_new || now < shown_since_) shown_since_ = now;
+  if (is_new) return has_stopped_ = false;
   const auto [motion, rotation_known] = motion_.predict(before, now);
   const double angle = so3::Log(motion.rotation()).norm() - kMostGyroBias * secondsBetween(before, now);
-  repeats_ = repeats_ || (rotation_known && calibration_.camera.fu * angle > kTurned);
-  report_.left_repeated = repeats_ && left_same;
-  report_.right_repeated = repeats_ && right_same;
-  return repeats_;
+  has_stopped_ = has_stopped_ || (rotation_known && calibration_.camera.fu * angle > kTurned);
+  report_.sent_twice = secondsBetween(shown_since_, now) < kLeastRest;
+  const bool is_repeated = has_stopped_ || report_.sent_twice;
+  report_.left_repeated = is_repeated && left_same;
+  report_.right_repeated = is_repeated && right_same;
+  report_.has_stopped = has_stopped_;
+  return is_repeated;
 }
 
 /// Slowly, so that pictures are alike from one to the next, and yet hardly changed.

@@ -44,8 +44,9 @@ std::string problemOf(const FrontEndReport& report) {
     const char* which = "pictures";
     if (!report.right_repeated) which = "left picture";
     if (!report.left_repeated) which = "right picture";
-    return std::string("the same ") + which +
-           " as before, although the gyro turns (a camera that has stopped)";
+    return std::string("the same ") + which + " as before, " +
+           (report.has_stopped ? "although the gyro turns (a camera that has stopped)"
+                               : "less than 0.2 s after the first of them (sent twice)");
   }
   std::string problem;
   if (report.exchanged) {

@@ -258,13 +258,20 @@ int run(const RunBagOptions& options) {
   summary.body = intake.imuFrame();
   writer.write(options.output, summary, estimate);
   const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
+  warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
+  const std::string map_path = options.output + "/" + kMapFileName;
+  const bool is_lost = !options.load_map.empty() && system.counts().relocalisations == 0;
+  std::error_code none;
+  const bool is_kept = map && is_lost && std::filesystem::equivalent(map_path, options.load_map, none);
+  if (map && !is_kept) saveMap(map_path, map(), config.ros.map_frame);
   if (!options.save_calibration.empty())
     writeFile(options.save_calibration, writer.calibrationText(*summary.rig));
-  warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
-  if (map) saveMap(options.output + "/" + kMapFileName, map(), config.ros.map_frame);
-  if (!options.load_map.empty() && system.counts().relocalisations == 0)
+  if (is_lost)
     std::cerr << "run_bag: the place in " << options.load_map
               << " was not found: poses are in a frame of their own" << std::endl;
+  if (is_kept && problem.empty())
+    problem = "the map of this run was not saved, since " + options.load_map +
+              ", whose place was not found, would be lost (--output another folder)";
   if (!options.quiet && images) images->print(std::cout);
   if (!options.quiet) printSummary(options, writer, summary, estimate.landmarks.size());
   if (problem.empty()) return kOk;

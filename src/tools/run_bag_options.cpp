@@ -1,6 +1,9 @@
 #include "run_bag_options.hpp"
 
+#include <filesystem>
+
 #include "program_options.hpp"
+#include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {
 
@@ -68,6 +71,20 @@ void requireAll(const RunBagOptions& options) {
   if (options.output.empty()) throw UsageError("--output is missing");
 }
 
+/// Of what is read nothing is written over, but for a map that is gone on with.
+void requireOutputsOfTheirOwn(const RunBagOptions& options) {
+  const auto differ = [](const std::string& name, const std::string& output, const std::string& input) {
+    std::error_code missing;
+    if (std::filesystem::equivalent(output, input, missing))
+      throw UsageError(name + " would write over " + input + ", which is read, allowed: another file");
+  };
+  for (const std::string& input : {options.bag, options.config, options.initial_state, options.load_map}) {
+    differ("--save-features", options.save_features, input);
+    differ("--save-calibration", options.save_calibration, input);
+  }
+  if (options.save_map) differ("--save-map", options.output + "/" + kMapFileName, options.bag);
+}
+
 } // namespace
 
 RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
@@ -88,6 +105,7 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
   if (options.topics.velocity.empty() && values["wheel-odometry"].defaulted())
     options.topics.wheel_odometry.clear();
   if (!options.help && !options.check) requireAll(options);
+  requireOutputsOfTheirOwn(options);
   makeAbsolute(options, prefix);
   return options;
 }

@@ -204,6 +204,25 @@ TEST_F(RepeatedPictures, are_right_at_rest_whatever_the_bias_of_the_gyro) {
   EXPECT_EQ("", problemOf(front_end_.report()));
 }
 
+// Of which a filter would take the second one for a camera that stands still.
+TEST_F(RepeatedPictures, that_are_sent_twice_are_of_no_use_without_a_gyro_too) {
+  for (const bool both : {true, false}) {
+    for (int k = 0; k < 5; ++k) {
+      const StereoImages shown = look();
+      EXPECT_GT(front_end_.process(shown).features.size(), kCount / 2);
+      StereoImages again = look();
+      if (both) again.left = shown.left.clone();
+      again.right = shown.right.clone();
+      EXPECT_TRUE(front_end_.process(again).features.empty());
+      EXPECT_TRUE(front_end_.report().sent_twice);
+      EXPECT_EQ(std::string("the same ") + (both ? "pictures" : "right picture") +
+                    " as before, less than 0.2 s after the first of them (sent twice)",
+                problemOf(front_end_.report()));
+      EXPECT_FALSE(wasUsed(front_end_.report()));
+    }
+  }
+}
+
 TEST_F(BadPictures, left_and_right_exchanged_later_on) {
   front_end_.process(look());
   for (int k = 0; k < 20; ++k) { // tracks end meanwhile, and few corners are left to be tried

@@ -283,11 +283,11 @@ class OfNoUse : public testing::Test {
     noise_ = noise;
   }
 
-  /// A wall 25 m away at pair k; `spoil` may change the message.
+  /// A wall 25 m away at pair k, past which the camera moves; `spoil` may change the message.
   template <typename Spoil>
   void send(int k, const Spoil& spoil) {
     for (const bool is_left : {true, false}) {
-      const cv::Mat picture = noise_(cv::Rect(is_left ? 10 : 20, 0, 640, 480)).clone();
+      const cv::Mat picture = noise_(cv::Rect((is_left ? 10 : 20) + k % 40, 0, 640, 480)).clone();
       auto message = boost::make_shared<sensor_msgs::Image>();
       message->header.stamp = ros::Time(1.0 + 0.1 * k);
       message->encoding = encodings::MONO8;

@@ -29,8 +29,10 @@ struct FrontEndReport {
   bool begun_anew = false;      ///< all tracks ended: the gap was too long, or time jumped back
   bool too_late = false;        ///< more than tracks are bridged after the pair before
   bool is_one_picture = false;  ///< left and right are the same, bit for bit
-  bool left_repeated = false;   ///< the picture of the pair before, although the gyro says that it turns
+  bool left_repeated = false;   ///< the picture of the pair before, where the camera is not at rest
   bool right_repeated = false;  ///< the same
+  bool sent_twice = false;      ///< it is repeated sooner than a camera can rest: no pair at all
+  bool has_stopped = false;     ///< it is repeated although the gyro says that it turns
   bool exchanged = false;       ///< left and right look exchanged
   bool without_matches = false; ///< hardly any point of the left picture is found in the right one
   bool without_texture = false; ///< hardly anything to follow in the left picture (dark, blurred, empty)
@@ -107,7 +109,8 @@ class FrontEnd {
   Light light_;                      ///< of all pictures, once they are prepared
   Stamp newest_stamp_ = 0;           ///< of any pair
   cv::Mat left_shown_, right_shown_; ///< thumbnails of any pair
-  bool repeats_ = false;             // one of them or both
+  Stamp shown_since_ = 0;            ///< of the first pair that showed them
+  bool has_stopped_ = false;         ///< one of the cameras or both
   bool exchanged_ = false;
   /// Counts up from the first pair's stamp in us, so that a map of an earlier start has other ids.
   FeatureId next_id_ = 0;

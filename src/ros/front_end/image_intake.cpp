@@ -125,7 +125,9 @@ bool ImageIntake::process(std::optional<PendingPair> pair) {
   } else {
     last_was_used_ = false;
   }
-  if (!front_end_->report().stamp_refused) handlers_.features(conversions::toMessage(frame, leftFrame()));
+  const FrontEndReport& report = front_end_->report();
+  if (!report.stamp_refused && !report.sent_twice)
+    handlers_.features(conversions::toMessage(frame, leftFrame()));
   if (handlers_.pair) handlers_.pair(images, *front_end_);
   return true;
 }

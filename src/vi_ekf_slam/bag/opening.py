@@ -26,3 +26,8 @@ def read_header(data):
     """(stamp ns, frame_id) of a serialised message that begins with a std_msgs/Header; the rest is not unpacked, which takes long."""
     _, seconds, nanoseconds, length = struct.unpack_from("<4I", data)
     return seconds * 10**9 + nanoseconds, data[16:16 + length].decode(errors="replace")
+
+
+def content(data):
+    """What follows the std_msgs/Header of a serialised message, as a memoryview."""
+    return memoryview(data)[16 + struct.unpack_from("<I", data, 12)[0]:]

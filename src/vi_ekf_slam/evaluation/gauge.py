@@ -52,3 +52,9 @@ def errors_after_yaw_alignment(estimate, truth):
     positions = aligned[:, :3, 3] - truth[:, :3, 3]
     angles = so3_log(np.swapaxes(truth[:, :3, :3], 1, 2) @ aligned[:, :3, :3])
     return tuple(float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))) for errors in (positions, np.degrees(angles)))
+
+
+def differences_of_up(estimate, truth):
+    """(N,) rad, between the directions, in the body's axes, of what is upwards by poses (N, 4, 4) of both."""
+    cosine = np.einsum("ni,ni->n", np.asarray(estimate)[:, 2, :3], np.asarray(truth)[:, 2, :3])
+    return np.arccos(np.clip(cosine, -1.0, 1.0))

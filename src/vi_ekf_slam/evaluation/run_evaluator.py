@@ -4,13 +4,15 @@ import argparse
 import json
 import os
 
+import numpy as np
+
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.dataset.truth import BODIES, MAX_GAP
-from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations
-from vi_ekf_slam.evaluation.gauge import GAUGES
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations, match
+from vi_ekf_slam.evaluation.gauge import GAUGES, differences_of_up
 from vi_ekf_slam.evaluation.pictures import (
     COMPARISON_PICTURES,
     RUN_PICTURES,
@@ -24,6 +26,7 @@ from vi_ekf_slam.evaluation.run_inputs import (body_of, default_names, extrinsic
                                                read_subject)
 from vi_ekf_slam.evaluation.trajectory_export import export
 
+OTHER_UP = np.radians(10.0)  # gravity tells an estimate its tilt far better
 LEAST_MATCHED = 0.95  # of the poses, or of the time; where less has truth beside it a remark says so
 
 
@@ -183,6 +186,12 @@ def _remarks(results):
         if result.slam.positions_only:
             yield ("%s: the truth has one orientation throughout, but the trajectory turns: its positions alone are compared, as "
                    "the %s's" % (subject.name, result.slam.body))
+        elif subject.gauge != "pose":
+            found = match(subject.stamps, subject.poses, subject.truth)
+            tilt = float(np.median(differences_of_up(found.estimate, found.truth)))
+            if tilt > OTHER_UP:
+                yield ("%s: upwards is %.0f deg off the truth's, in the median: is z of the truth's world upwards (else --gauge pose), are "
+                       "its poses the IMU's (--truth-body), and its quaternions x y z w?" % (subject.name, np.degrees(tilt)))
         if subject.cam_T_imu is None:
             yield "%s: no bag with an extrinsic, so positions of the IMU are compared; %s" % (
                 subject.name, "%s has no left camera and IMU that /tf_static connects" % subject.bag if subject.bag else

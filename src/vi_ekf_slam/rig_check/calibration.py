@@ -8,6 +8,7 @@ from vi_ekf_slam.recordings.rig_calibration import PIXEL_TOLERANCE
 MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
 MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
 COEFFICIENTS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (0, 4, 5, 8), "equidistant": (4,), "fisheye": (4,)}  # of D, by the model
+MAX_VERTICAL = 0.01  # of the baseline: rows would differ by so much of the disparity, half a pixel of 50
 MIN_BASELINE, MAX_BASELINE = 0.02, 2.0  # m, of rigs that are sold or built
 
 
@@ -78,6 +79,9 @@ def _fault(info, side):
     if not np.isfinite(P).all() or not (P[0] > 1.0 and P[5] > 1.0):
         return ("%s: not calibrated" % topic, "P: fx %g, fy %g" % (P[0], P[5]), "finite, from 1 px on",
                 "calibrate: rosrun camera_calibration, or Kalibr")
+    if P[1] or P[4] or P[8] or P[9] or P[10] != 1.0:
+        return ("%s: P is none of a rectified camera" % topic, "P[1], P[4], P[8], P[9], P[10]: %g, %g, %g, %g, %g" % (
+            P[1], P[4], P[8], P[9], P[10]), "[fx 0 cx Tx; 0 fy cy Ty; 0 0 1 0]", "calibrate again, or mend what writes it")
     if rotation_error(Camera(info).R) > 1e-3:
         return ("%s: R is no rotation" % topic, "", "R^T R = I within 1e-3", "calibrate again")
     if info.binning_x > 1 or info.binning_y > 1 or info.roi.x_offset or info.roi.y_offset:
@@ -90,6 +94,9 @@ def _fault(info, side):
 def _lens_fault(info, side):
     """What the front end refuses (ros/front_end/pair_calibration.cpp)."""
     topic, model, count = "%s/camera_info" % side, info.distortion_model, len(info.D)
+    if not (info.width and info.height):
+        return ("%s does not say how large its pictures are" % topic, "%d x %d px" % (info.width, info.height), "width and height",
+                "set both to the size of the pictures that K and P are of")
     if model not in COEFFICIENTS and (model or count):
         return ("%s: distortion_model is unknown" % topic, "'%s'" % model, ", ".join(m for m in COEFFICIENTS),
                 "calibrate with one of these; or, where the pictures are rectified already, ros/images: rectified")
@@ -103,6 +110,15 @@ def _pair_fault(left, right):
     if left.P[3] < 0.0 and right.P[3] == 0.0:
         return ("left and right camera_info are exchanged", "left P[3] %.4g, right P[3] 0" % left.P[3], "left 0, right negative",
                 "exchange the camera_info topics: left_info:=..., right_info:=...")
+    vertical = max(abs(left.P[7]), abs(right.P[7]))
+    if vertical > max(PIXEL_TOLERANCE, MAX_VERTICAL * abs(right.P[3])):
+        return ("the cameras are one above the other" if vertical > abs(right.P[3]) else "the baseline has a vertical part",
+                "P[3], P[7]: left %.4g, %.4g, right %.4g, %.4g" % (left.P[3], left.P[7], right.P[3], right.P[7]), "P[7] 0",
+                "cameras side by side are required: turn pictures and calibration of both by 90 deg, or rectify the pair again")
+    if left.P[3] == 0.0 and right.P[3] > 0.0:
+        return ("camera_info states that the right camera is on the left", "right P[3] %.4g" % right.P[3],
+                "negative, -fx times the baseline",
+                "exchange left and right, pictures and camera_info both; or mend the sign of right P[3]")
     if left.P[3] != 0.0 or not right.P[3] < 0.0:
         return ("camera_info states no baseline", "P[3]: left %.4g, right %.4g" % (left.P[3], right.P[3]), "left 0, right negative",
                 "right P[3] must be -fx times the baseline in m: calibrate as a stereo pair")

@@ -23,13 +23,14 @@ def all_checks():
     """The most basic first; `needs`: checks without which what one finds only follows from them."""
     from vi_ekf_slam.rig_check import calibration, imu_units, inputs, load, moment, pictures, rotation, scale, stereo, timing
     times = ("topics", "stamps", "clocks")
-    known = times + ("numbers", "pairs", "camera_info", "pictures")
+    known = times + ("repeats", "numbers", "pairs", "camera_info", "pictures")
     seen = known + ("one moment", "stereo")
     turns = seen + ("rates", "gyro")
     return (
         Check("topics", inputs.check_inputs, ()),
         Check("numbers", inputs.check_numbers, ()),
         Check("stamps", timing.check_stamps, ()),
+        Check("repeats", timing.check_repeats, ("stamps",)),
         Check("clocks", timing.check_clocks, ("stamps",)),
         Check("rates", timing.check_rates, ("stamps",)),
         Check("accelerometer", imu_units.check_accelerometer, ("numbers",)),

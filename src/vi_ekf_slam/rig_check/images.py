@@ -11,7 +11,8 @@ ENCODINGS = {"mono8": (8, 1, None), "8UC1": (8, 1, None), "mono16": (16, 1, None
              "bgra8": (8, 4, cv2.COLOR_BGRA2GRAY), "rgba8": (8, 4, cv2.COLOR_RGBA2GRAY),
              "bgr16": (16, 3, cv2.COLOR_BGR2GRAY), "rgb16": (16, 3, cv2.COLOR_RGB2GRAY),
              "bayer_rggb8": (8, 1, cv2.COLOR_BayerBG2GRAY), "bayer_bggr8": (8, 1, cv2.COLOR_BayerRG2GRAY),
-             "bayer_gbrg8": (8, 1, cv2.COLOR_BayerGR2GRAY), "bayer_grbg8": (8, 1, cv2.COLOR_BayerGB2GRAY)}
+             "bayer_gbrg8": (8, 1, cv2.COLOR_BayerGR2GRAY), "bayer_grbg8": (8, 1, cv2.COLOR_BayerGB2GRAY),
+             "yuv422": (8, 2, cv2.COLOR_YUV2GRAY_UYVY)}
 
 
 def read_pairs(rig, pairs):

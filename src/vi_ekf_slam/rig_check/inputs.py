@@ -31,7 +31,9 @@ def _missing(rig):
     has = rig.streams
     missing = []
     camera = "features" in has or ("left_image" in has and "right_image" in has)
-    alone = camera and "imu" not in has and rig.velocity is None
+    # Of several IMUs, of which nobody named one, one is meant.
+    several = "imu" not in rig.given and any(kind in names.TYPES["imu"] for kind in rig.present.values())
+    alone = camera and "imu" not in has and rig.velocity is None and not several
     if "imu" not in has and not alone:
         missing.append("imu")
     if not camera:

@@ -33,7 +33,7 @@ def check_pictures(rig, report):
         shown = shown or (left, right)
     if len(rows) < len(chosen) // 2:
         report.red("pictures cannot be decoded", "%d of %d pairs" % (len(chosen) - len(rows), len(chosen)), "all",
-                   "encodings: mono8, mono16, bgr8, rgb8, Bayer; JPEG or PNG on /compressed")
+                   "encodings: mono8, mono16, bgr8, rgb8, Bayer, yuv422; JPEG or PNG on /compressed")
         return
     report.draw("a pair", _draw_pair(*shown))
     size = rig.cameras[0].size if rig.cameras else None

@@ -1,11 +1,12 @@
 """A recording of a rig, read once: all stamps and small messages; pictures are read later, as many as are wanted."""
 
+import zlib
 from collections import namedtuple
 
 import numpy as np
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
-from vi_ekf_slam.bag.opening import open_bag, read_header
+from vi_ekf_slam.bag.opening import content, open_bag, read_header
 from vi_ekf_slam.bag.transforms import chain
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.rig_check import topics as names
@@ -23,20 +24,21 @@ NANO = 1e-9
 class Rig:
     """What a bag holds of a rig. What it does not have is None or empty.
 
-    path; topics: {argument of slam.launch: topic}; guessed: those of them that nobody named; present: {topic: type}.
+    path; given, topics: {argument of slam.launch: topic}, as they were named and all; guessed: those of them that nobody named; present: {topic: type}.
     streams: {argument: Stream}; imu: Imu; velocity (N, 3) m/s; frames: [(ids (M,), pixels (M, 4) uL vL uR vR)];
     feature_sigmas px: the median of each frame, 0: not stated.
+    repeats: {argument: (N,) bool}, of pictures and features: the message says what the one before said, but for its header.
     infos: {"left", "right": sensor_msgs/CameraInfo}; changed: sides whose calibration changes. transforms: [TransformStamped].
     origin ns: the earliest stamp, which times in s count from.
     """
 
     def __init__(self, path, given, duration):
-        self.path = path
+        self.path, self.given = path, given
         self.streams, self.infos, self.changed, self.transforms = {}, {}, set(), []
         self.imu = self.velocity = self.velocity_name = None
         self.cameras = self.cam_T_imu = self.pairs = self.steps = self.motion = self.alignment = self.gyro_bias = self.noise = None  # of the checks
         self.rectified, self.noise_path = False, ""
-        self.frames, self.feature_sigmas = [], []
+        self.frames, self.feature_sigmas, self.repeats = [], [], {}
         with open_bag(path) as bag:
             require_bounded_chunks(bag, path)
             self.present = {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
@@ -57,7 +59,7 @@ class Rig:
         begin = min((chunk.start_time.to_sec() for chunk in bag._chunks), default=0.0)
         rows = {name: [] for name in self.topics}
         values = {name: [] for name in self.topics}
-        heads = {}
+        heads, said = {}, {name: [] for name in self.topics if name.endswith("image") or name == "features"}
         for topic, raw, received in bag.read_messages(wanted, raw=True):
             if duration and received.to_sec() > begin + duration:
                 break
@@ -69,11 +71,14 @@ class Rig:
             stamp, frame_id = (message.header.stamp.to_nsec(), message.header.frame_id) if message else read_header(raw[1])
             heads.setdefault(name, frame_id if name != "wheel_odometry" else message.child_frame_id)
             rows[name].append((stamp, received.to_nsec()))
+            if name in said:
+                said[name].append(zlib.crc32(content(raw[1])) if message is None or message.features else -len(rows[name]))
             self._value(name, message, values[name])
         for name, found in rows.items():
             if found:
                 stamps = np.array(found, dtype=np.int64)
                 self.streams[name] = Stream(self.topics[name], stamps[:, 0], stamps[:, 1], heads[name].lstrip("/"))
+        self.repeats = {name: np.diff(found, prepend=0) == 0 for name, found in said.items()}
         self._keep(values)
 
     @staticmethod

@@ -12,6 +12,8 @@ FEWEST_MATCHES = 30  # a pair; of two pictures of nothing in common, chance made
 MAX_ROW = 1.5
 GOOD_ROW = 0.75
 PIXEL_SIGMA = 1.0  # px, invariant/pixel_sigma: of a coordinate, where messages state none
+# Of rows of noise sigma each the median difference, over sigma; and 3.6 standard deviations of that of FEWEST_ROWS points.
+MEDIAN_OF_ROWS, NOISE_FACTOR, FEWEST_ROWS = 0.954, 1.3, 200
 SWAPPED = 0.6  # share of points behind the cameras; noise of points at infinity alone makes up to a half
 OUTSIDE = 0.05  # share; the node drops what is outside, and a rectified picture may lose its margin
 FARTHEST = 1.0  # px: less disparity has no sign
@@ -55,6 +57,15 @@ def _judge_features(rig, report):
     expected = 1.2 * 0.954 * max(PIXEL_SIGMA, float(np.median(rig.feature_sigmas)))
     _say_rows(report, float(np.median(np.abs(rows))), len(rows), "the features are not those of rectified pictures: rectify their pixels "
               "with D, K, R and P of camera_info", expected, max(MAX_ROW, 2.0 * expected))
+    _say_noise(rig, rows, report)
+
+
+def _say_noise(rig, rows, report):
+    """Whether rows differ by more than the noise that the messages state, as the node judges it (sensors/pair_check.cpp)."""
+    stated, noise = float(np.median(rig.feature_sigmas)), float(np.median(np.abs(rows))) / MEDIAN_OF_ROWS
+    if 0.0 < stated < noise / NOISE_FACTOR and len(rows) >= FEWEST_ROWS:
+        report.yellow("pixel noise is larger than stated", "%.2g px by the rows of %d points, stated %.2g px" % (noise, len(rows), stated),
+                      "%.2g px" % (NOISE_FACTOR * stated), "state the noise that there is in sigma of the features, or rectify more exactly")
 
 
 def _share_behind(disparity):

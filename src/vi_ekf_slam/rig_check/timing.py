@@ -13,6 +13,9 @@ FEWEST = 20  # messages that tell a rate
 # Hz that accuracy and consistency are tested at (docs/accuracy.md): frames 5 to 30, IMU 10 to 400 with a velocity; an
 # accelerometer is integrated twice between two samples, at 100 and more.
 LOW_RATE = {"imu": 100.0, "left_image": 5.0, "features": 5.0, "right_image": 5.0}
+# s: what is sent again sooner shows no camera that has come to rest (front_end.cpp, kLeastRest), as a simulator's without noise is seen to.
+LEAST_REST = 0.2
+SENT_TWICE = (0.05, 0.2)  # share of the messages; a simulator that stops now and then makes less
 DRIFT_PPM = (100.0, 1000.0)  # of two clocks: crystals keep 50 each; beyond 1000 a minute makes 60 ms
 
 
@@ -47,6 +50,26 @@ def check_stamps(rig, report):
                 "the second of two equal stamps is dropped: does the driver stamp by a coarse clock, or do two publish on it?")
     if well:
         report.green("stamps are there and rise")
+
+
+def check_repeats(rig, report):
+    """Pictures and features that are sent twice, with two stamps: of the second the stamp is wrong."""
+    well = True
+    for name, repeats in sorted(rig.repeats.items()):
+        if name not in rig.streams:
+            continue
+        stream = rig.streams[name]
+        since = np.maximum.accumulate(np.where(repeats, 0, np.arange(len(repeats))))  # which message said it first
+        age = (stream.stamps - stream.stamps[since]) * NANO
+        share = float(np.mean(repeats & (age > 0.0) & (age < LEAST_REST)))
+        if share > SENT_TWICE[0]:
+            well = False
+            say = report.red if share > SENT_TWICE[1] else report.yellow
+            say("%s repeats what it has sent, with a new stamp" % stream.topic, "%.0f %% of %d messages" % (100.0 * share, len(repeats)),
+                "%g %%" % (100.0 * SENT_TWICE[0]), "each picture is to be sent once, with the time of its exposure: does the driver, or a "
+                "node that throttles or relays, send at a higher rate than the camera's?")
+    if well and any(name in rig.streams for name in rig.repeats):
+        report.green("pictures and features are sent once")
 
 
 def check_clocks(rig, report):

@@ -209,7 +209,7 @@ def test_one_dead_reckoning_has_one_column():
 
 
 def test_poses_without_truth_beside_them_are_remarked():
-    subject = SimpleNamespace(name="a", summary={}, truth=(), cam_T_imu=np.eye(4), stamps=np.arange(100.0))
+    subject = SimpleNamespace(name="a", summary={}, truth=(), gauge="pose", cam_T_imu=np.eye(4), stamps=np.arange(100.0))
     for matched, words in ((97, []), (60, ["a: 40 of 100 poses have no truth beside them"])):
         remarks = list(_remarks([SimpleNamespace(subject=subject, slam=SimpleNamespace(
             matched=matched, truth_step=None, sections=[0], positions_only=False))]))

@@ -98,3 +98,12 @@ def test_evaluate_takes_the_truth_of_a_file_in_its_own_world(tmp_path):
     kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
     done = script("evaluate.py", tmp_path / "turned.tum", "--truth", kitti, "--gauge", "yaw", "--no-plots")
     assert done.returncode == 2 and str(kitti) in done.stderr
+
+
+@pytest.mark.parametrize("turn, said", [(TURNED, False), (TILTED, False), (make_transform(so3_exp([0.3, 0.0, 0.0]), np.zeros(3)), True)])
+def test_a_truth_whose_z_is_not_upwards_is_told_of(tmp_path, turn, said):
+    for name, poses in (("run", POSES), ("truth", turn @ POSES)):
+        (tmp_path / (name + ".tum")).write_text("".join(tum_line(*row) + "\n" for row in zip(STAMPS, poses)))
+    for gauge, tells in (("yaw", said), ("pose", False)):
+        done = script("evaluate.py", tmp_path / "run.tum", "--truth", tmp_path / "truth.tum", "--gauge", gauge, "--no-plots")
+        assert done.returncode == 0 and ("run: upwards is 17 deg off the truth's" in done.stdout) == tells, done.stdout

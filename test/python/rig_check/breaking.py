@@ -1,5 +1,7 @@
 """What breaks a rig: each takes the entries of rigs.message_list, changes them in place or leaves some out, and returns them."""
 
+import copy
+
 import genpy
 import numpy as np
 import rigs
@@ -85,6 +87,32 @@ def wrong_focal_length(left, right):
 
 def not_a_pair(left, _):
     left.P = [p + 3.0 if k == 2 else p for k, p in enumerate(left.P)]
+
+
+def with_P(side, **values):
+    """Other elements of P, by name: P3=1.0."""
+    def change(left, right):
+        info = left if side == "left" else right
+        info.P = [values.get("P%d" % k, p) for k, p in enumerate(info.P)]
+    return change
+
+
+def one_above_the_other(_, right):
+    right.P = [right.P[3] if k == 7 else 0.0 if k == 3 else p for k, p in enumerate(right.P)]
+
+
+def sent_twice(entries, *topics):
+    """Again half of a period later, with a stamp of that time."""
+    again = copy.deepcopy(rigs.of(entries, *topics))
+    for entry in again:
+        entry[1] = entry[1] + genpy.Duration(nsecs=50000000)
+        entry[2].header.stamp = entry[2].header.stamp + genpy.Duration(nsecs=50000000)
+    return entries + again
+
+
+def two_imus(entries):
+    """Neither of which has the usual name."""
+    return renamed(entries, "/imu", "/imu_1") + [["/imu_2", *entry[1:]] for entry in rigs.of(entries, "/imu_1")]
 
 
 def foreign_gyro(entries):

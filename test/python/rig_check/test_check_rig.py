@@ -7,7 +7,8 @@ import pytest
 import rigs
 from breaking import (accelerations, backwards, burst, every, exchange_infos, exchanged, extrinsic, features, foreign_gyro,
                       gyro, half_resolution, infos, late, looping, losing, no_stamp, not_a_number, not_a_pair, one_frame,
-                      other_rows, quiet_statement, renamed, repeated, scale_baseline, turned_imu, wrong_focal_length)
+                      one_above_the_other, other_rows, quiet_statement, renamed, repeated, scale_baseline, sent_twice, turned_imu,
+                      two_imus, with_P, wrong_focal_length)
 
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp, so3_log
 from vi_ekf_slam.rig_check.checker import make_report
@@ -46,6 +47,16 @@ FAULTS = {
     "without gravity": (RED, "gravity is missing", lambda e: accelerations(e, lambda a: 0.1 * (a - [0, 0, 9.81])), False),
     "camera_info exchanged": (RED, "left and right camera_info are exchanged", lambda e: infos(e, exchange_infos), False),
     "camera_info of single cameras": (RED, "camera_info is not of a rectified pair", lambda e: infos(e, not_a_pair), False),
+    "one above the other": (RED, "the cameras are one above the other", lambda e: infos(e, one_above_the_other), False),
+    "vertical part": (RED, "the baseline has a vertical part", lambda e: infos(e, with_P("right", P7=-3.0)), False),
+    "right camera on the left": (RED, "camera_info states that the right camera is on the left",
+                                 lambda e: infos(e, with_P("right", P3=80.0)), False),
+    "skewed": (RED, "right/camera_info: P is none of a rectified camera", lambda e: infos(e, with_P("right", P1=1.0)), False),
+    "P of zeros": (RED, "right/camera_info: P is none of a rectified camera", lambda e: infos(e, with_P("right", P10=0.0)), False),
+    "sent twice": (RED, "/features repeats what it has sent", lambda e: sent_twice(e, "/features"), False),
+    "two IMUs": (RED, "nothing comes on /imu", two_imus, False),
+    "pixel noise": (YELLOW, "pixel noise is larger than stated",
+                    lambda e: features(e, lambda f: setattr(f, "sigma", 0.5 * f.sigma)), False),
     "no transform": (RED, "no transform from 'imu_link' to 'left_camera_optical'", lambda e: rigs.without(e, "/tf_static"), False),
     "one frame": (RED, "IMU and left camera are said to be one frame", one_frame, False),
     "left and right exchanged": (RED, "disparity has the wrong sign", lambda e: features(e, exchanged), False),
@@ -82,6 +93,13 @@ def test_the_fault_is_named_first(name, sound, tmp_path):
     assert first is not None and first.level == level and words in first.text, report.findings
     assert first.figure or first.limit
     assert first.advice
+
+
+def test_of_two_imus_both_are_named_and_none_is_missed_where_a_topic_is_given(sound, tmp_path):
+    entries = two_imus(rigs.copies(sound[False]))
+    assert judge(tmp_path / "two.bag", entries).first.advice == "name the topic: imu:=/imu_1 or imu:=/imu_2"
+    assert judge(tmp_path / "two.bag", entries, "imu:=/imu_2").first is None
+    assert judge(tmp_path / "two.bag", entries, "imu:=/none").first is None  # the camera alone
 
 
 @pytest.mark.parametrize("factor", [10.0, 1000.0])

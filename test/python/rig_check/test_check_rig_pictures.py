@@ -74,6 +74,10 @@ def lens(model, count):
     return lambda entries: breaking.infos(entries, change)
 
 
+def no_size(left, right):
+    left.width = left.height = right.width = right.height = 0
+
+
 def binned(left, right):
     left.binning_x = right.binning_x = 2
 
@@ -83,6 +87,8 @@ FAULTS = {
     "plumb_bob of three": (RED, "left/camera_info: D does not fit its model", lens("plumb_bob", 3)),
     "unknown lens": (RED, "left/camera_info: distortion_model is unknown", lens("brown_conrady", 5)),
     "binned": (RED, "left/camera_info has binning or a region of interest", lambda e: breaking.infos(e, binned)),
+    "no size": (RED, "left/camera_info does not say how large its pictures are", lambda e: breaking.infos(e, no_size)),
+    "sent twice": (RED, "/left/image/compressed repeats what it has sent", lambda e: breaking.sent_twice(e, *SIDES)),
     "exchanged": (RED, "left and right pictures are exchanged", exchange),
     "not rectified": (RED, "matched points lie in different rows", lambda e: rigs.change_pictures(e, "right", bend)),
     "rows shifted": (RED, "matched points lie in different rows", lambda e: rigs.change_pictures(e, "right", lambda i: np.roll(i, 6, 0))),

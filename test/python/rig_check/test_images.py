@@ -7,7 +7,7 @@ import numpy as np
 import rosbag
 from sensor_msgs.msg import Image
 
-from vi_ekf_slam.rig_check.images import read_pairs
+from vi_ekf_slam.rig_check.images import _decode, read_pairs
 
 
 def test_deep_pictures_of_a_bag_are_scaled_alike(tmp_path):
@@ -26,3 +26,10 @@ def test_deep_pictures_of_a_bag_are_scaled_alike(tmp_path):
     pairs = list(read_pairs(rig, np.column_stack([np.arange(3)] * 2)))
     assert [(k, int(left.max()), int(right.max())) for k, left, right in pairs] == [(0, 127, 128), (1, 127, 127), (2, 128, 127)]
     assert all(picture.dtype == np.uint8 and picture.shape == (4, 6) for pair in pairs for picture in pair[1:])
+
+
+def test_a_webcams_yuv_is_read_as_its_grey():
+    """As the node's cv_bridge does: U Y V Y."""
+    grey = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    message = Image(height=6, width=8, encoding="yuv422", step=16, data=np.dstack([np.full_like(grey, 128), grey]).tobytes())
+    assert (_decode(message) == grey).all()
