@@ -93,6 +93,19 @@ TEST_F(Base, has_no_parent_any_more_that_nobody_publishes) {
   EXPECT_EQ("", base.problem());
 }
 
+TEST_F(Base, keeps_the_first_transform_and_says_that_it_has_changed) {
+  BaseFrame base(frames_, config_);
+  ASSERT_TRUE(base.update("imu_link", SE3()));
+  const SE3 before = base.pose(kWorldTImu);
+  base.noteTransforms();
+  EXPECT_EQ("", base.change());
+  frames_.add(transform(kBaseTImu * pose(0, 0, 0, 0, 0.01, 0), "base_link", "imu_link", 1), true);
+  base.noteTransforms();
+  EXPECT_NE(std::string::npos, base.change().find("'base_link' to the IMU's frame 'imu_link' has changed"))
+      << base.change();
+  expectNear(before, base.pose(kWorldTImu), 1e-12);
+}
+
 TEST_F(Base, begins_the_map_where_it_began) {
   BaseFrame base(frames_, config_);
   ASSERT_TRUE(base.update("imu_link", SE3()));

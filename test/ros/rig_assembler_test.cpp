@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace vi_ekf_slam {
 namespace {
@@ -122,10 +123,10 @@ TEST_F(Rig, carries_the_transform_to_the_rectified_camera_by_R) {
   // (-2, -1, 10) in the camera as it is mounted.
   const Eigen::Vector3d p = rig_.rig()->cam_T_imu * Eigen::Vector3d(10.4, 2.0, 1.0);
   EXPECT_LT((p - Eigen::Vector3d(-2.0 * c - 10.0 * s, -1.0, -2.0 * s + 10.0 * c)).norm(), 1e-12);
-  EXPECT_FALSE(rig_.changedLater());
+  EXPECT_EQ("", rig_.changedLater());
   left.R[1] = 1e-3;
   rig_.addLeft(left);
-  EXPECT_TRUE(rig_.changedLater());
+  EXPECT_EQ("camera_info", rig_.changedLater());
 }
 
 TEST_F(Rig, refuses_an_R_that_is_no_rotation) {
@@ -175,6 +176,20 @@ TEST_F(Rig, refuses_a_positive_right_offset) {
   EXPECT_TRUE(complainsOf("must be negative, it is 250"));
 }
 
+TEST_F(Rig, refuses_cameras_that_are_not_side_by_side) {
+  auto right = info(true);
+  right.P[7] = -5.0;
+  addAll(info(false), right);
+  EXPECT_TRUE(complainsOf("the baseline has a vertical part")) << rig_.problem();
+  auto below = info(true);
+  below.P[7] = std::exchange(below.P[3], 0.0);
+  rig_.addRight(below);
+  EXPECT_TRUE(complainsOf("the cameras are one above the other")) << rig_.problem();
+  right.P[7] = -0.5; // as some rectifications leave it
+  rig_.addRight(right);
+  EXPECT_TRUE(rig_.rig()) << rig_.problem();
+}
+
 TEST_F(Rig, refuses_an_uncalibrated_camera_and_nan) {
   addAll(sensor_msgs::CameraInfo(), info(true));
   EXPECT_TRUE(complainsOf("not calibrated"));
@@ -189,12 +204,24 @@ TEST_F(Rig, refuses_an_uncalibrated_camera_and_nan) {
 TEST_F(Rig, keeps_the_first_calibration_and_notes_a_change) {
   addAll(info(false), info(true));
   rig_.addLeft(info(false));
-  EXPECT_FALSE(rig_.changedLater());
+  EXPECT_EQ("", rig_.changedLater());
   auto left = info(false);
   left.P[0] = 600.0;
   rig_.addLeft(left);
-  EXPECT_TRUE(rig_.changedLater());
+  EXPECT_EQ("camera_info", rig_.changedLater());
   EXPECT_EQ(500.0, rig_.rig()->camera.fu);
+}
+
+TEST_F(Rig, keeps_the_first_transform_and_notes_another_one) {
+  addAll(info(false), info(true));
+  auto other = extrinsic();
+  other.transforms[0].transform.translation.x += 1e-4; // written with fewer digits
+  addTransforms(other, true);
+  EXPECT_EQ("", rig_.changedLater());
+  other.transforms[0].transform.translation.x += 0.01;
+  addTransforms(other, true);
+  EXPECT_EQ("the transform from 'imu_link' to 'left_optical'", rig_.changedLater());
+  EXPECT_LT((rig_.rig()->cam_T_imu * Eigen::Vector3d(0.4, 0.0, 0.0)).norm(), 1e-12);
 }
 
 } // namespace

@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Geometry>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <sstream>
+#include <stdexcept>
 
 namespace vi_ekf_slam {
 namespace {
@@ -46,6 +49,24 @@ class RunWriterFiles : public testing::Test {
   std::string directory_;
   RunWriter writer_;
 };
+
+// Where root may write all, the process gives up being root.
+TEST_F(RunWriterFiles, a_directory_that_is_there_and_cannot_be_written_is_refused_early) {
+  RunWriter::requireDirectory(directory_);
+  fs::permissions(directory_, fs::perms(0555));
+  const auto refuse = [this] {
+    constexpr uid_t kNobody = 65534;
+    if (geteuid() == 0 && setuid(kNobody) != 0) std::exit(2);
+    try {
+      RunWriter::requireDirectory(directory_);
+    } catch (const std::runtime_error& error) {
+      std::cerr << error.what() << std::endl;
+      std::exit(1);
+    }
+    std::exit(0);
+  };
+  EXPECT_EXIT(refuse(), testing::ExitedWithCode(1), directory_ + ": cannot be written: ");
+}
 
 TEST(StampText, is_exact) {
   EXPECT_EQ("1317386425.562502384", stampText(1317386425562502384));

@@ -1,8 +1,12 @@
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 
+#include <unistd.h>
+
 #include <Eigen/Geometry>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <numeric>
 #include <sstream>
@@ -136,8 +140,10 @@ void RunWriter::requireDirectory(const std::string& directory) {
   fs::path made; // the topmost
   for (fs::path path = fs::absolute(directory); !fs::exists(path); path = path.parent_path()) made = path;
   makeDirectory(directory);
+  const int error = access(directory.c_str(), W_OK | X_OK) == 0 ? 0 : errno;
   std::error_code kept;
   if (!made.empty()) fs::remove_all(made, kept);
+  if (error != 0) throw std::runtime_error(directory + ": cannot be written: " + std::strerror(error));
 }
 
 RunRecord RunWriter::toRecord(const Output& o) {

@@ -1,8 +1,15 @@
 #include "vi_ekf_slam/ros/input/frame_tree.hpp"
 
+#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 namespace vi_ekf_slam {
+
+bool hasMoved(const SE3& before, const SE3& now) {
+  constexpr double kRounding = 1e-3; // m, rad
+  const SE3 change = before.inverse() * now;
+  return change.translation().norm() > kRounding || so3::Log(change.rotation()).norm() > kRounding;
+}
 
 void FrameTree::add(const tf2_msgs::TFMessage& message, bool is_static) {
   for (geometry_msgs::TransformStamped transform : message.transforms) {

@@ -20,6 +20,7 @@ constexpr double kPixelTolerance = 1e-3;
 // Beyond any rig that exists. What is larger is a fault, and could overflow what is computed from it.
 constexpr double kMaxFocalLength = 1e6; ///< px; also of the principal point
 constexpr double kMaxBaseline = 1e3;    ///< m
+constexpr double kMaxVertical = 0.01;   ///< of the baseline, by which rows would differ as a part of disparity
 constexpr double kMaxLeverArm = 1e4;    ///< m
 
 /// What is wrong with one CameraInfo by itself; empty: nothing.
@@ -60,7 +61,13 @@ std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::
          << right.P[index] << " px on the right";
     return text.str();
   }
-  if (left.P[3] != 0.0) {
+  const double vertical = std::max(std::abs(left.P[7]), std::abs(right.P[7]));
+  if (vertical > std::max(kPixelTolerance, kMaxVertical * std::abs(right.P[3]))) {
+    text << (vertical > std::abs(right.P[3]) ? "the cameras are one above the other, side by side is required"
+                                             : "the baseline has a vertical part, the pair is not rectified")
+         << ": P[3] and P[7] are " << left.P[3] << " and " << left.P[7] << " on the left, " << right.P[3]
+         << " and " << right.P[7] << " on the right, allowed: P[7] within 1 % of the right P[3]";
+  } else if (left.P[3] != 0.0) {
     text << "P[3] of the left camera must be 0, it is " << left.P[3];
   } else if (!(right.P[3] < 0.0)) {
     text << "P[3] = -fx * baseline of the right camera must be negative, it is " << right.P[3];
@@ -102,7 +109,14 @@ void RigAssembler::setImuFrame(const std::string& imu_frame) {
 
 void RigAssembler::noteChange(const std::optional<sensor_msgs::CameraInfo>& held,
                               const sensor_msgs::CameraInfo& info) {
-  if (rig_ && held && (held->P != info.P || held->R != info.R)) changed_later_ = true;
+  if (rig_ && held && (held->P != info.P || held->R != info.R)) changed_later_ = "camera_info";
+}
+
+void RigAssembler::noteTransforms() {
+  update();
+  SE3 cam_T_imu;
+  if (!rig_ || !transformProblem(cam_T_imu).empty() || !hasMoved(rig_->cam_T_imu, cam_T_imu)) return;
+  changed_later_ = "the transform from '" + imu_frame_ + "' to '" + left_frame_ + "'";
 }
 
 void RigAssembler::addLeft(const sensor_msgs::CameraInfo& info) {

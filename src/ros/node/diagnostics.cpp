@@ -101,9 +101,8 @@ void Diagnostics::calibration(Status& status) {
   } else {
     status.summary(DiagnosticStatus::WARN, from_.intake.rigAssembler().problem());
   }
-  if (from_.intake.rigAssembler().changedLater()) {
-    status.summary(DiagnosticStatus::WARN, "camera_info has changed; the first calibration stays in use");
-  }
+  if (const std::string& changed = from_.intake.rigAssembler().changedLater(); !changed.empty())
+    status.summary(DiagnosticStatus::WARN, changed + " has changed; the first calibration stays in use");
 }
 
 void Diagnostics::frames(Status& status) {
@@ -115,6 +114,8 @@ void Diagnostics::frames(Status& status) {
   } else {
     status.summary(DiagnosticStatus::ERROR, problem);
   }
+  if (const std::string change = from_.publishers.base().change(); !change.empty())
+    status.mergeSummary(DiagnosticStatus::WARN, change);
 }
 
 void Diagnostics::estimator(Status& status) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <memory>
 #include <numeric>
 #include <stdexcept>
 #include <utility>
@@ -93,15 +94,18 @@ void Results::autosaveIfDue() {
   // After a day the files are large: saving takes a tenth of the time at most.
   if (secondsSince(last_autosave_) < std::max(autosave_period_s_, kAutosaveCost * autosave_cost_s_)) return;
   last_autosave_ = WorkQueue::Clock::now();
+  const auto files = std::make_shared<std::promise<void>>();
+  autosaved_files_ = files->get_future();
   autosave_ = std::async(std::launch::async,
-                         [this, writer = writer_, summary = summary_(),
+                         [this, files, writer = writer_, summary = summary_(),
                           estimate = MapEstimate{system_.estimator().landmarks(), system_.estimator().path()},
                           map = mapToKeep()] {
                            const auto start = WorkQueue::Clock::now();
-                           const std::string failure = attempt([&] {
-                             writer.write(output_dir_, summary, estimate);
-                             if (map) maps_.write(map, maps_.savedPath());
-                           });
+                           std::string failure =
+                               attempt([&] { writer.write(output_dir_, summary, estimate); });
+                           files->set_value();
+                           if (failure.empty() && map)
+                             failure = attempt([&] { maps_.write(map, maps_.savedPath()); });
                            autosave_cost_s_ = secondsSince(start);
                            return failure;
                          });
@@ -174,19 +178,24 @@ Results::Answer Results::saveMap(const std::string& file) {
   });
 }
 
+/// Who ends the node may kill it before long: the poses come first, and what takes longer after them.
 void Results::saveAtTheEnd() {
-  if (autosave_.valid()) autosave_.wait();
-  finishEarlierMap();
   if (output_dir_.empty()) return;
+  if (autosaved_files_.valid()) autosaved_files_.wait(); // it writes the same ones; its map can take long
   failure_ = attempt([this] {
     writer_.write(output_dir_, summary_(), {system_.estimator().landmarks(), system_.estimator().path()});
-    // Takes longer: who ends the node may not wait for it.
     const MapEstimate exact = system_.estimator().exactMap()();
     RunWriter::writeMap(output_dir_, exact.landmarks);
     writer_.writeSmoothed(output_dir_, exact.path);
-    if (const auto map = mapToKeep()) maps_.write(map, maps_.savedPath());
-    ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << output_dir_);
   });
+  if (autosave_.valid()) autosave_.wait();
+  finishEarlierMap();
+  if (failure_.empty()) {
+    failure_ = attempt([this] {
+      if (const auto map = mapToKeep()) maps_.write(map, maps_.savedPath());
+      ROS_INFO_STREAM("saved " << writer_.size() << " poses in " << output_dir_);
+    });
+  }
   if (failure_.empty()) failure_ = lost_;
 }
 

@@ -272,12 +272,14 @@ void SlamNode::warn() {
     // what calibration lacks is not the point yet
   } else if (system_.needsRig() && !system_.hasRig()) {
     add("features are not used: " + intake_.rigAssembler().problem());
-  } else if (intake_.rigAssembler().changedLater()) {
-    add("camera_info has changed; the first calibration stays in use until a restart");
+  } else if (const std::string& changed = intake_.rigAssembler().changedLater(); !changed.empty()) {
+    add(changed + " has changed; the first calibration stays in use until a restart");
   }
   if (system_.counts().frames_before_start > 0 && !system_.estimator().hasStarted())
     add("no pose is published yet, not started: " + system_.estimator().startProblem());
-  if (const std::string unpublished = publishers_.problem(); !unpublished.empty()) add(unpublished);
+  for (const std::string& text : {publishers_.problem(), publishers_.base().change()}) {
+    if (!text.empty()) add(text);
+  }
   const auto turned_away = diagnostics_.allTurnedAway();
   if (turned_away != watch_.warned_turned_away) {
     watch_.warned_turned_away = turned_away;

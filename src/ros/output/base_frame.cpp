@@ -29,6 +29,7 @@ bool BaseFrame::update(const std::string& imu_frame, const std::optional<SE3>& s
   has_start_ = start.has_value();
   name_.clear();
   base_T_imu_.reset();
+  has_changed_ = false;
   map_T_world_ = SE3();
   if (imu_frame.empty()) return false;
   const std::string& base = config_.base_frame.empty() ? imu_frame : config_.base_frame;
@@ -41,6 +42,17 @@ bool BaseFrame::update(const std::string& imu_frame, const std::optional<SE3>& s
   }
   name_ = base;
   return true;
+}
+
+void BaseFrame::noteTransforms() {
+  const auto base_T_imu = base_T_imu_ ? frames_.find(name_, imu_frame_) : std::nullopt;
+  has_changed_ = has_changed_ || (base_T_imu && hasMoved(*base_T_imu_, *base_T_imu));
+}
+
+std::string BaseFrame::change() const {
+  if (!has_changed_) return {};
+  return "the transform from base_frame '" + name_ + "' to the IMU's frame '" + imu_frame_ +
+         "' has changed; the first one stays in use until a restart";
 }
 
 std::string BaseFrame::problem() const {

@@ -87,8 +87,8 @@ class RunWriter {
 
   /// Creates `directory` and its parents, as the writing functions do.
   static void makeDirectory(const std::string& directory);
-  /// Throws unless `directory` is there or can be made, which a long run wants to know early; makes none, so
-  /// that a run without results leaves no folder.
+  /// Throws unless `directory` is there or can be made, and written to, which a long run wants to know early;
+  /// makes none, so that a run without results leaves no folder.
   static void requireDirectory(const std::string& directory);
   void write(const std::string& directory, const RunSummary& summary, const MapEstimate& map) const; ///< all
   void writeTrajectory(const std::string& directory) const;

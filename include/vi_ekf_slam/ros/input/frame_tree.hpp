@@ -13,6 +13,9 @@ namespace vi_ekf_slam {
 
 constexpr double kVehicleSize = 100.0; ///< m; what is farther away is no part of a vehicle
 
+/// Whether a transform that is to be constant is another one `now`, by more than rounding makes of it.
+bool hasMoved(const SE3& before, const SE3& now);
+
 /// What /tf and /tf_static have said: static transforms for ever, others for 10 s.
 class FrameTree {
  public:

@@ -37,7 +37,7 @@ class RigAssembler {
   void addLeft(const sensor_msgs::CameraInfo& info);
   void addRight(const sensor_msgs::CameraInfo& info);
   /// `frames` has changed.
-  void noteTransforms() { update(); }
+  void noteTransforms();
 
   const std::optional<StereoRig>& rig() const { return rig_; }
   /// What is missing or wrong, as a sentence that names topics and frames; empty once the rig is known.
@@ -46,8 +46,8 @@ class RigAssembler {
   const std::string& leftFrame() const { return left_frame_; }
   /// Of the images, where both CameraInfo state the same one, and no lens that shows more than it.
   std::optional<ImageSize> imageSize() const;
-  /// Whether a CameraInfo that came later contradicts the calibration in use.
-  bool changedLater() const { return changed_later_; }
+  /// What came later and contradicts the calibration in use; empty: nothing.
+  const std::string& changedLater() const { return changed_later_; }
 
  private:
   void update();
@@ -63,7 +63,7 @@ class RigAssembler {
   std::optional<sensor_msgs::CameraInfo> right_;
   std::optional<StereoRig> rig_;
   std::string problem_;
-  bool changed_later_ = false;
+  std::string changed_later_;
 };
 
 } // namespace vi_ekf_slam

@@ -16,7 +16,8 @@
 namespace vi_ekf_slam {
 
 /// What a node has computed, and how it comes to the disk: at the end, every now and then, and when it is
-/// asked for. Copies are made in the worker, and written beside it; one thread at a time writes.
+/// asked for. Copies are made in the worker, and written beside it; one thread at a time writes
+/// a file.
 class Results {
  public:
   struct Answer {
@@ -69,6 +70,7 @@ class Results {
   RunWriter writer_;
   WorkQueue::Clock::time_point last_autosave_ = WorkQueue::Clock::now();
   std::shared_future<std::string> autosave_; ///< why it could not
+  std::future<void> autosaved_files_;        ///< of it: all but the map
   std::string autosave_failure_;             ///< of the one before
   std::future<std::string> earlier_map_;     ///< why it could not be written
   std::string lost_;                         ///< why, of what no later autosave can save; the first

@@ -26,6 +26,10 @@ class BaseFrame {
   bool update(const std::string& imu_frame, const std::optional<SE3>& start);
   /// Why it is not known, or why no odom -> base may be sent, and what to do; empty: all is well.
   std::string problem() const;
+  /// Looks whether the transform, which is to be constant, is another one now.
+  void noteTransforms();
+  /// That it was, in words; empty: it was not.
+  std::string change() const;
   /// Of the frame; empty as long as nothing is known.
   const std::string& name() const { return name_; }
   /// Looks whether somebody else publishes a parent of the frame, beside which there must be no second one.
@@ -53,6 +57,7 @@ class BaseFrame {
   bool has_start_ = false;
   std::string name_;
   std::string foreign_parent_;
+  bool has_changed_ = false;
   std::optional<SE3> base_T_imu_; ///< nothing: the IMU itself, or not known
   SE3 map_T_world_;
 };

@@ -33,7 +33,10 @@ class Publishers {
     return base_.update(imu_frame, start);
   }
   /// /tf or /tf_static have said more.
-  void noteTransforms() { transforms_.noteTransforms(base_); }
+  void noteTransforms() {
+    base_.noteTransforms();
+    transforms_.noteTransforms(base_);
+  }
   /// Whether this is a transform that is sent here.
   bool sends(const std::string& parent, const std::string& child) const {
     return transforms_.sends(parent, child, base_);
