@@ -12,7 +12,7 @@ set -euo pipefail
 # shellcheck source=scripts/environment.sh
 source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
 
-usage="usage: scripts/demo.sh [DATASET.npz | FOLDER | --images] [OUTPUT_DIR]"
+usage="usage: scripts/demo.sh [DATASET.npz | FOLDER | --images] [OUTPUT_DIR], see --help"
 [ "$#" -le 2 ] || fail "$usage"
 images=""
 case "${1:-}" in
@@ -24,12 +24,15 @@ case "${1:-}" in
   *) dataset="${1:-}" ;;
 esac
 [ -z "$dataset" ] || [ -e "$dataset" ] || fail "$dataset: no such file or folder"
+case "$dataset" in *.bag) fail "$dataset: is a bag already, play it by: roslaunch vi_ekf_slam slam.launch bag:=$dataset" ;; esac
+[[ "${RATE:-1}" =~ ^([0-9]+[.]?|[0-9]*[.][0-9]+)$ && "${RATE:-1}" =~ [1-9] ]] || fail "RATE is '$RATE', allowed: a positive number"
 name="simulated${images:+_images}"
 [ -z "$dataset" ] || name="$(basename "$(realpath "$dataset")" .npz)"
 output="${2:-$root/demo_output/$name}"
 
 "$root/scripts/setup.sh"
 source_unset "$build/devel/setup.bash"
+[ -z "${CONFIG:-}" ] || "$build/devel/lib/vi_ekf_slam/run_bag" --check --config "$CONFIG" >/dev/null || fail "CONFIG cannot be used"
 mkdir -p "$output"
 output="$(cd "$output" && pwd)"
 

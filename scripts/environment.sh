@@ -1,6 +1,14 @@
 # shellcheck shell=bash
-# Sourced by setup.sh, demo.sh and test.sh: where things are, and an environment that asks nothing of the caller's.
+# Sourced by setup.sh, demo.sh, test.sh and nightly.sh: where things are, and an environment that asks nothing of the caller's.
 # BUILD_DIR=DIR builds there instead of in build/.
+
+# --help prints the comment at the head of the script, before anything is built or run.
+case " $* " in
+  *" --help "* | *" -h "*)
+    sed -n '2,/^[^#]/s/^# \{0,1\}//p' "${BASH_SOURCE[1]}"
+    exit 0
+    ;;
+esac
 
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 build="${BUILD_DIR:-$root/build}"
@@ -26,6 +34,9 @@ fail() {
   printf 'error: %s\n' "$*" >&2
   exit 1
 }
+
+# Arguments that would be overlooked are refused.
+no_arguments() { [ "$#" -eq 0 ] || fail "${0##*/} takes no arguments, given: $*; see --help"; }
 
 # Catkin's setup files read variables that are not set.
 source_unset() {

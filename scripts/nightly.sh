@@ -193,6 +193,6 @@ case "${1:-}" in
   soak) soak "${@:2}" ;;
   rigs) rigs ;;
   plain) plain ;;
-  *) fail "usage: scripts/nightly.sh fuzz|sanitize|soak|rigs|plain [...], see its first lines" ;;
+  *) fail "usage: scripts/nightly.sh fuzz|sanitize|soak|rigs|plain [...], see --help" ;;
 esac
 exit "$status"

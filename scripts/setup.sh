@@ -8,6 +8,7 @@
 set -euo pipefail
 # shellcheck source=scripts/environment.sh
 source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
+no_arguments "$@"
 
 read -r -a cmake_options <<<"${CMAKE_OPTIONS:-}"
 packages=(

@@ -6,6 +6,7 @@ set -euo pipefail
 exec </dev/null
 # shellcheck source=scripts/environment.sh
 source "$(dirname "${BASH_SOURCE[0]}")/environment.sh"
+no_arguments "$@"
 results="$build/test_results"
 
 "$root/scripts/setup.sh"

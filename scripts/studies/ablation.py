@@ -252,6 +252,8 @@ def main(argv=None):
         check_keys(rows, known)
         if options.jobs < 1:
             raise InputError("--jobs is %d, allowed: from 1" % options.jobs)
+        if not os.path.isdir(options.data):
+            raise InputError("%s: is not a directory, allowed: one that holds the drives" % options.data)
     except InputError as reason:
         print("error: %s" % reason, file=sys.stderr)
         return 2

@@ -8,6 +8,9 @@ import sys
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.output_file import check_output
+
 SIGMA_STEPS = 64.0  # of sigma_q in a pixel
 IMU = (("imu_gyro", "gyro_density", "gyro_walk"), ("imu_accel", "accel_density", "accel_walk"))
 
@@ -56,10 +59,11 @@ def main(argv=None):
                         help="noise of the IMU to add, in that which it has; its densities become those of both (default: %(default)s)")
     options = parser.parse_args(argv)
     try:
+        check_output(options.output, options.stream)
         with np.load(options.stream, allow_pickle=False) as stream:
             np.savez(options.output, **redrawn({key: stream[key] for key in stream.files}, options.seed, options.imu_noise))
-    except (OSError, ValueError, KeyError) as error:
-        print("%s: %s" % (options.stream, error), file=sys.stderr)
+    except (InputError, OSError, ValueError, KeyError) as error:
+        print("error: %s" % error if isinstance(error, InputError) else "error: %s: %s" % (options.stream, error), file=sys.stderr)
         return 2
     return 0
 

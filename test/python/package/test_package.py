@@ -8,7 +8,7 @@ import sys
 from fnmatch import fnmatch
 
 import pytest
-from conftest import HANG_S, ROOT, script
+from conftest import HANG_S, ROOT, script, script_path
 
 
 def read(*path):
@@ -98,3 +98,33 @@ def test_results_count_once(tmp_path, files, printed):
 def test_without_a_directory_the_count_says_how_it_is_used():
     done = script("count_test_results.py")
     assert done.returncode == 2 and done.stderr == "usage: count_test_results.py DIRECTORY\n"
+
+
+def shell(name, *arguments, **environment):
+    """One of the shell scripts at its end, with at most what its first checks take: none of these cases builds anything."""
+    return subprocess.run([script_path(name)] + [str(a) for a in arguments], env=dict(os.environ, **environment), timeout=HANG_S,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+
+
+@pytest.mark.parametrize("arguments", [("demo.sh",), ("nightly.sh",), ("nightly.sh", "plain"), ("setup.sh",), ("test.sh",)])
+def test_shell_scripts_explain_themselves(arguments):
+    """And do nothing else: without it --help of test.sh ran all tests."""
+    done = shell(*arguments, "--help")
+    comment = read("scripts", arguments[0]).split("\n\n", 1)[0].splitlines()[1:]
+    assert done.returncode == 0 and done.stdout.splitlines() == [line[2:] for line in comment if line.startswith("#")]
+
+
+@pytest.mark.parametrize("name", ["setup.sh", "test.sh"])
+def test_shell_scripts_overlook_no_argument(name):
+    done = shell(name, "core")
+    assert done.returncode == 1 and done.stdout == "error: %s takes no arguments, given: core; see --help\n" % name
+
+
+def test_the_demo_refuses_what_it_cannot_play(tmp_path):
+    bag = tmp_path / "drive.bag"
+    bag.write_bytes(b"")
+    done = shell("demo.sh", bag)
+    assert done.returncode == 1 and done.stdout.startswith("error: %s: is a bag already, play it by: roslaunch " % bag)
+    for rate in ("fast", "0", "0.0", "-1", "."):
+        done = shell("demo.sh", RATE=rate)
+        assert done.returncode == 1 and done.stdout == "error: RATE is '%s', allowed: a positive number\n" % rate

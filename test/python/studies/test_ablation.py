@@ -69,3 +69,10 @@ def test_what_is_asked_for_must_exist(ablation):
         ablation.choose(ablation.DRIVES, ["0022"], "drive")
     with pytest.raises(ablation.InputError, match="there is no row 'nothing'"):
         ablation.choose(ablation.ROWS, ["full", "nothing"], "row")
+
+
+def test_a_folder_that_is_none_is_one_error(ablation, capsys, tmp_path):
+    missing = tmp_path / "no_data"
+    assert ablation.main([str(missing), str(tmp_path / "out")]) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err == "error: %s: is not a directory, allowed: one that holds the drives\n" % missing

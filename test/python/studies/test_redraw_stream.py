@@ -42,3 +42,13 @@ def test_the_imu_gets_the_noise_that_its_densities_say(redraw, stream):
         assert white == pytest.approx(2.0 * stream[density] * np.sqrt(stream["imu_rate"]), rel=0.01)
         assert again[density] == pytest.approx(np.sqrt(5.0) * stream[density])
         assert again[walk] == pytest.approx(np.sqrt(5.0) * stream[walk])
+
+
+def test_an_output_that_cannot_be_is_refused_before_anything_is_drawn(redraw, tmp_path, capsys):
+    stream = tmp_path / "stream.npz"
+    np.savez(stream, imu_rate=200.0)
+    before, nowhere = stream.read_bytes(), str(tmp_path / "new" / "stream.npz")
+    assert redraw.main([str(stream), nowhere]) == 2
+    assert capsys.readouterr().err == "error: %s: the directory %s does not exist\n" % (nowhere, tmp_path / "new")
+    assert redraw.main([str(stream), str(stream)]) == 2 and stream.read_bytes() == before
+    assert capsys.readouterr().err == "error: %s: is the input itself\n" % stream
