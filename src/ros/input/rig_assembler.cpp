@@ -20,7 +20,7 @@ constexpr double kPixelTolerance = 1e-3;
 // Beyond any rig that exists. What is larger is a fault, and could overflow what is computed from it.
 constexpr double kMaxFocalLength = 1e6; ///< px; also of the principal point
 constexpr double kMaxBaseline = 1e3;    ///< m
-constexpr double kMaxVertical = 0.01;   ///< of the baseline, by which rows would differ as a part of disparity
+constexpr double kMaxVertical = 0.01; ///< of the baseline, by which rows would differ as a part of disparity
 constexpr double kMaxLeverArm = 1e4;    ///< m
 
 /// What is wrong with one CameraInfo by itself; empty: nothing.

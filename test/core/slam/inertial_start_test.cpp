@@ -265,6 +265,17 @@ TEST(InertialStart, IsNotBlamedForPicturesThatAreWrong) {
   }
 }
 
+TEST(InertialStart, IsNotKeptByFeaturesThatAreNoisierThanTheySay) {
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    FlightOptions options = startFlight(false);
+    options.pixel = 1.0;
+    Flight flight(seed, options);
+    InertialEstimator estimator = inertialEstimator(inertialConfig(options, options.pixel / 1.4));
+    startOf(flight, estimator);
+    EXPECT_TRUE(estimator.hasStarted()) << seed << ": " << estimator.startProblem();
+  }
+}
+
 TEST(InertialStart, SaysWhatItWaitsFor) {
   const FlightOptions options = startFlight(false);
   Flight flight(1, options);

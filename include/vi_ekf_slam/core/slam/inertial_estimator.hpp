@@ -60,7 +60,7 @@ class InertialEstimator : public Estimator {
   void tryGiven(Stamp now);
   std::string tryToStart(Stamp now);
   void verify(const StereoFrame& frame, Divergence divergence);
-  bool replay(InvariantEstimator& filter) const;
+  std::string replay(InvariantEstimator& filter) const;
   bool learnClock(const InvariantEstimator& filter);
 
   InvariantConfig config_;
