@@ -85,6 +85,19 @@ void requireOutputsOfTheirOwn(const RunBagOptions& options) {
   if (options.save_map) differ("--save-map", options.output + "/" + kMapFileName, options.bag);
 }
 
+/// `can_be_made`: the file is written at the end, when there is --output.
+void requireFolder(const std::string& name, const std::string& file, const std::string& can_be_made) {
+  if (file.empty()) return;
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  if (std::filesystem::is_directory(folder)) return;
+  const auto normal = [](const std::string& path) {
+    return std::filesystem::absolute(path + "/.").lexically_normal();
+  };
+  if (!can_be_made.empty() && normal(folder.string()) == normal(can_be_made)) return;
+  throw UsageError(name + " is " + file + ", allowed: a file in a folder that exists; " + folder.string() +
+                   " does not");
+}
+
 } // namespace
 
 RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
@@ -106,6 +119,8 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
     options.topics.wheel_odometry.clear();
   if (!options.help && !options.check) requireAll(options);
   requireOutputsOfTheirOwn(options);
+  requireFolder("--save-features", options.save_features, "");
+  requireFolder("--save-calibration", options.save_calibration, options.output);
   makeAbsolute(options, prefix);
   return options;
 }

@@ -1,4 +1,4 @@
-"""Nothing that run_bag reads is written over by what it writes."""
+"""Where run_bag may write, and that nothing which it reads is written over."""
 
 import os
 import shutil
@@ -54,3 +54,19 @@ def test_a_map_whose_place_is_not_found_is_kept(bag, tmp_path):
     assert content(path) == before
     assert run_bag(bag, tmp_path / "other", "--load-map", path, "--save-map").returncode == 0
     assert (tmp_path / "other" / "map.bag").exists()
+
+
+@pytest.mark.parametrize("option", ["--save-features", "--save-calibration"])
+def test_a_folder_that_is_missing_is_named_before_the_run(bag, tmp_path, option):
+    path = tmp_path / "none" / "file"
+    done = run_bag(bag, tmp_path / "out", option, path)
+    assert done.returncode == 1 and "%s is %s, allowed: a file in a folder that exists; %s does not" % (option, path, path.parent) in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_calibration_may_go_into_the_output(bag, tmp_path):
+    config = tmp_path / "config.yaml"
+    config.write_text("calibration:\n  rotation_sigma: 0.01\n")
+    path = tmp_path / "out" / "calibration.yaml"
+    done = run_bag(bag, tmp_path / "out", "--config", config, "--save-calibration", path)
+    assert done.returncode == 0 and path.exists(), done.stderr
