@@ -120,7 +120,8 @@ void Filter::moveWorld(const SE3& to_T_world) {
     };
     for (const Handle handle : variables_.handles()) {
       const Eigen::Index row = rowOf(handle);
-      if (variables_.chartOf(handle) == Chart::kVector) continue;
+      const Chart chart = variables_.chartOf(handle);
+      if (chart == Chart::kVector || chart == Chart::kBodyVector) continue;
       turn(row);
       if (variables_.chartOf(handle) == Chart::kPose) turn(row + 3);
     }

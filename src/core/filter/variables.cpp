@@ -40,7 +40,8 @@ Handle Variables::reserve(Chart chart) {
 
 Handle Variables::add(Chart chart, const Eigen::VectorXd& mean, const std::string& name) {
   const Eigen::Index size = mean.size();
-  const bool fits = chart == Chart::kVector ? size > 0 : size == (chart == Chart::kPose ? 6 : 3);
+  const bool is_any = chart == Chart::kVector || (chart == Chart::kBodyVector && size % 3 == 0);
+  const bool fits = is_any ? size > 0 : size == (chart == Chart::kPose ? 6 : 3);
   if (!fits || (chart == Chart::kPose) != order_.empty())
     throw std::logic_error("a variable of " + std::to_string(size) + " rows does not fit its chart");
   if (find(name)) throw std::logic_error("there is a variable '" + name + "' already");
@@ -154,6 +155,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
   const bool turns = !common.isZero(0.0);
   const Eigen::Matrix3d U = so3::Exp(common);
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
+  const Eigen::Matrix3d body_turn = pose_.rotation().transpose() * turn.transpose() * pose_.rotation();
   pose_ = SE3(turn * pose_.rotation(), now).normalized();
   bool is_level = false;
   for (const Handle handle : order_) {
@@ -162,6 +164,10 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
     auto x = mean_.segment(slot.row, slot.size);
     const auto e = error.segment(slot.row, slot.size);
     if (slot.chart == Chart::kVector) x += e;
+    for (Eigen::Index k = 0; slot.chart == Chart::kBodyVector && k < slot.size; k += 3) {
+      x.segment<3>(k) += body_turn * e.segment<3>(k);
+      reexpressed.push_back({slot.row + k, body_turn});
+    }
     if (slot.chart == Chart::kWorldVector) {
       x = turn * (x + e).eval();
       reexpressed.push_back({slot.row, turn});

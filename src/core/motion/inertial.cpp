@@ -25,15 +25,15 @@ Matrix9d scaleCovariance(double sigma) { return sigma * sigma * Matrix9d::Identi
 void Inertial::addTo(Filter& filter) {
   velocity_ = filter.augment(Chart::kWorldVector, Eigen::Vector3d::Zero(), isotropic(options_.velocity_sigma),
                              {}, kVelocity);
-  gyro_bias_ =
-      filter.augment(Chart::kVector, prior_gyro_bias_, isotropic(options_.gyro_bias_sigma), {}, kGyroBias);
-  accelerometer_bias_ = filter.augment(Chart::kVector, Eigen::Vector3d::Zero(),
+  gyro_bias_ = filter.augment(Chart::kBodyVector, prior_gyro_bias_, isotropic(options_.gyro_bias_sigma), {},
+                              kGyroBias);
+  accelerometer_bias_ = filter.augment(Chart::kBodyVector, Eigen::Vector3d::Zero(),
                                        isotropic(options_.accelerometer_bias_sigma), {}, kAccelerometerBias);
   accelerometer_scale_.reset();
   if (options_.accelerometer_scale_sigma > 0.0)
     accelerometer_scale_ =
-        filter.augment(Chart::kVector, Vector9d::Zero(), scaleCovariance(options_.accelerometer_scale_sigma),
-                       {}, kAccelerometerScale);
+        filter.augment(Chart::kBodyVector, Vector9d::Zero(),
+                       scaleCovariance(options_.accelerometer_scale_sigma), {}, kAccelerometerScale);
 }
 
 std::vector<std::string> Inertial::variables() const {
@@ -73,17 +73,16 @@ void Inertial::setBiasPrior(Filter& filter, const TwistBias& bias) {
 ///   dp' = dp + ([g]x dt^2 / 2 - [p' - p]x) theta + e_v dt - R D2 dt^3 db_g - R G2 dt^2 db_a
 ///
 /// with B = R J_l(w dt) dt and D_k the derivative of G_k(w dt) a by w dt, to first order in it. White noise
-/// of the IMU enters as an error of its bias does. Of M = [m_1 m_2 m_3] and u = a_m - b_a the sum of u_k dm_k
-/// is too much, and of the bias (I - M) db_a.
+/// of the IMU enters as an error of its bias does. Of M = [m_1 m_2 m_3] the sum of a_mk dm_k is too much.
 void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const {
   const double dt = secondsBetween(from, to);
   const ImuInterval input = imu.over(from, to);
   const Eigen::Matrix3d& R = filter.pose().rotation();
   const Eigen::Vector3d v = filter.variables().mean(velocity_);
   const Eigen::Vector3d mean_rate = input.rate - gyroBias(filter);
-  const Eigen::Vector3d shown = input.acceleration - filter.variables().mean(accelerometer_bias_);
   const Eigen::Matrix3d C = unscaling(filter);
-  const Eigen::Vector3d force = C * shown, more = C * input.acceleration_change;
+  const Eigen::Vector3d force = C * input.acceleration - accelerometerBias(filter);
+  const Eigen::Vector3d more = C * input.acceleration_change;
   // Of what changes over the step: coning and sculling, and the shorter way of a force that comes late.
   const Eigen::Vector3d w = mean_rate + dt / 12.0 * mean_rate.cross(input.rate_change);
   const Eigen::Vector3d a = force + dt / 12.0 * (mean_rate.cross(more) - input.rate_change.cross(force));
@@ -98,7 +97,6 @@ void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp 
   Matrix9x3 by_gyro, by_force; // rows dp, theta, e_v, by what is too much of w and a
   by_gyro << -dt * dt * dt * R * D2, -B, -dt * dt * R * D1 - so3::hat(v + gained) * B;
   by_force << -dt * dt * R * G2, Eigen::Matrix3d::Zero(), -B;
-  const Matrix9x3 by_accelerometer = by_force * C;
 
   const Eigen::Index row = filter.rowOf(velocity_), bg = filter.rowOf(gyro_bias_),
                      ba = filter.rowOf(accelerometer_bias_);
@@ -111,14 +109,13 @@ void Inertial::propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp 
   step.F.block<3, 3>(0, row) = dt * Eigen::Matrix3d::Identity();
   step.F.block<3, 3>(row, 3) = dt * so3::hat(g);
   step.F.block<9, 3>(0, bg) = by_gyro;
-  step.F.block<9, 3>(0, ba) = by_accelerometer;
+  step.F.block<9, 3>(0, ba) = by_force;
   for (Eigen::Index k = 0; accelerometer_scale_ && k < 3; ++k)
-    step.F.block<9, 3>(0, filter.rowOf(*accelerometer_scale_) + 3 * k) = shown[k] * by_force;
+    step.F.block<9, 3>(0, filter.rowOf(*accelerometer_scale_) + 3 * k) = input.acceleration[k] * by_force;
   step.Q.setZero(ba + 3, ba + 3);
-  step.Q.topLeftCorner<9, 9>() =
-      (by_gyro * input.rate_density * by_gyro.transpose() +
-       by_accelerometer * input.acceleration_density * by_accelerometer.transpose()) /
-      dt;
+  step.Q.topLeftCorner<9, 9>() = (by_gyro * input.rate_density * by_gyro.transpose() +
+                                  by_force * input.acceleration_density * by_force.transpose()) /
+                                 dt;
   step.Q.block<3, 3>(bg, bg) = dt * isotropic(options_.noise.gyro_walk);
   step.Q.block<3, 3>(ba, ba) = dt * isotropic(options_.noise.accelerometer_walk);
   filter.propagate(step);

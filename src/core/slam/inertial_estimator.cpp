@@ -174,9 +174,10 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
     const Eigen::Vector3d up = filter_->state().world_T_imu.rotation().transpose().col(2);
     const double tilt = std::atan2(up.cross(aligned.up).norm(), up.dot(aligned.up));
     if (tilt > kLargestTilt)
-      contradiction_ = "gravity is " + rounded(tilt) +
-                       " rad off the map's vertical (a state that is given must have the z axis upwards; "
-                       "else: is the calibration of the pair right, or has a lift moved all that is seen?)";
+      contradiction_ =
+          "gravity is " + rounded(tilt) +
+          " rad off the map's vertical (a state that is given must have the z axis upwards; else: " +
+          InertialAlignment::kAxes;
   }
 }
 

@@ -128,6 +128,12 @@ State truthAt(const Variables& variables, const State& estimate, const Eigen::Ve
       case Chart::kVector:
         x = mean + e;
         break;
+      case Chart::kBodyVector: {
+        const Eigen::Matrix3d turn = truth.pose.rotation().transpose() * estimate.pose.rotation();
+        for (Eigen::Index k = 0; k < size; k += 3)
+          x.segment<3>(k) = mean.segment<3>(k) + turn * e.segment<3>(k);
+        break;
+      }
       case Chart::kWorldVector:
         x = R * (mean + e);
         break;
@@ -153,6 +159,11 @@ Eigen::VectorXd errorOf(const Variables& variables, const State& truth, const St
       case Chart::kVector:
         e = x - mean;
         break;
+      case Chart::kBodyVector: {
+        const Eigen::Matrix3d turn = estimate.pose.rotation().transpose() * truth.pose.rotation();
+        for (Eigen::Index k = 0; k < size; k += 3) e.segment<3>(k) = turn * (x - mean).segment<3>(k);
+        break;
+      }
       case Chart::kWorldVector:
         e = R.transpose() * x - mean;
         break;

@@ -103,6 +103,7 @@ TEST(VariablesTest, RefusesWhatFitsNoChart) {
   Variables variables{SE3()};
   EXPECT_THROW(variables.add(Chart::kPoint, filled(2, 0.0)), std::logic_error);
   EXPECT_THROW(variables.add(Chart::kWorldVector, filled(4, 0.0)), std::logic_error);
+  EXPECT_THROW(variables.add(Chart::kBodyVector, filled(4, 0.0)), std::logic_error);
   EXPECT_THROW(variables.add(Chart::kVector, filled(0, 0.0)), std::logic_error);
   EXPECT_THROW(variables.add(Chart::kPose, filled(6, 0.0)), std::logic_error);
   EXPECT_THROW(variables.remove(0), std::logic_error);
@@ -116,6 +117,7 @@ TEST(VariablesTest, MoveByTheirErrorsAsTheseAreDefinedAndNoFurtherThanTold) {
   Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));
   variables.add(Chart::kVector, random.vector<6>(-1.0, 1.0));
   variables.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
+  variables.add(Chart::kBodyVector, random.vector<6>(-1.0, 1.0));
   const Eigen::Index core = variables.rows();
   const Handle point = variables.add(Chart::kPoint, random.vector<3>(-20.0, 20.0));
   const auto state = [](const Variables& v) {
@@ -166,8 +168,24 @@ TEST(VariablesTest, ARotationsErrorIsLeftAsItIsWithoutGravity) {
   EXPECT_TRUE(variables.retract(filled(12, 0.1), variables.rows(), {}).empty());
 }
 
-/// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and no
-/// picture is another one. A chart that is not straight must not bend the points then.
+/// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and
+/// no picture is another one. A chart that is not straight must not bend the points then. What is left of its
+/// error is where it was in the world, whatever the correction turned the body by.
+TEST(VariablesTest, AVectorOfTheBodyIsReexpressedByTheBodysTurn) {
+  Random random(2);
+  Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {1.0, 2.0, 3.0}));
+  const Handle bias = variables.add(Chart::kBodyVector, random.vector<3>(-1.0, 1.0));
+  Eigen::VectorXd error = randomMatrix(random, 9, 1), corrected = error;
+  corrected.tail<3>() = random.vector<3>(-1.0, 1.0);
+  const Eigen::Matrix3d R = so3::Exp(error.segment<3>(3)) * variables.pose().rotation();
+  const Eigen::Vector3d truth =
+      variables.mean(bias) + R.transpose() * variables.pose().rotation() * error.tail<3>();
+  const auto reexpressed = variables.retract(corrected, 9, {});
+  ASSERT_EQ(reexpressed.size(), 1U);
+  EXPECT_EQ(reexpressed[0].row, 6);
+  EXPECT_LT(distance(truth - variables.mean(bias), reexpressed[0].M * (error - corrected).tail<3>()), 1e-12);
+}
+
 TEST(VariablesTest, PointsMoveRigidlyWithABodyThatIsMovedWithThem) {
   Random random(4);
   Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));

@@ -168,7 +168,7 @@ TEST(InertialModel, TransitionIsTheDerivativeOfTheMean) {
   }
 }
 
-// What is shown of a force u is (I - M)^-1 u.
+// What is shown of a force u is (I - M)^-1 (u + b_a).
 TEST(InertialModel, ScaleAndAlignmentOfTheAccelerometerAreTakenOut) {
   Random random(7);
   for (int run = 0; run < 10; ++run) {
@@ -183,15 +183,15 @@ TEST(InertialModel, ScaleAndAlignmentOfTheAccelerometerAreTakenOut) {
     const Eigen::Vector3d w = random.vector<3>(-1.5, 1.5), a = random.vector<3>(-15.0, 15.0);
     const Eigen::VectorXd m = scene.filter.variables().mean(*scene.motion.accelerometerScaleVariable());
     const Eigen::Vector3d shown =
-        (Eigen::Matrix3d::Identity() - Eigen::Map<const Eigen::Matrix3d>(m.data())).inverse() * a;
+        (Eigen::Matrix3d::Identity() - Eigen::Map<const Eigen::Matrix3d>(m.data())).inverse() *
+        (a + mean(scene, scene.motion.accelerometerBiasVariable()));
     const double dt = 0.02;
-    const auto imuOf = [&](const InertialScene& of, const Eigen::Vector3d& force) {
-      return steadyImu(withoutImuNoise(), w + mean(of, of.motion.gyroBiasVariable()),
-                       force + mean(of, of.motion.accelerometerBiasVariable()), dt);
+    const auto imuOf = [&](const InertialScene& of, const Eigen::Vector3d& acceleration) {
+      return steadyImu(withoutImuNoise(), w + mean(of, of.motion.gyroBiasVariable()), acceleration, dt);
     };
     InertialScene moved = scene;
     moved.propagate(imuOf(scene, shown), 0.0, dt);
-    ideal.propagate(imuOf(ideal, a), 0.0, dt);
+    ideal.propagate(imuOf(ideal, a + mean(ideal, ideal.motion.accelerometerBiasVariable())), 0.0, dt);
     EXPECT_LT(distance(moved.filter.pose().matrix(), ideal.filter.pose().matrix()), 1e-12);
     EXPECT_LT(distance(moved.velocity(), ideal.velocity()), 1e-12);
     const ImuTrack imu = imuOf(scene, shown);

@@ -30,5 +30,36 @@ TEST(InertialStandstill, DoesNotDriftAndLearnsTheGyrosBias) {
   EXPECT_LT(error.cwiseQuotient(sigma).norm(), 4.5);
 }
 
+// At rest tilt and the accelerometer's bias are one for all that is measured.
+TEST(InertialStandstill, LearnsNoTiltThatNothingTells) {
+  FlightOptions options = startFlight(true);
+  options.pixel = 0.1;
+  options.noise = {2e-4, 2e-3, 2e-5, 1e-3};
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    Flight flight(seed, options);
+    InvariantConfig config = inertialConfig(options, options.pixel);
+    config.inertial.accelerometer_scale_sigma = 0.01;
+    InertialEstimator estimator = inertialEstimator(config);
+    startOf(flight, estimator);
+    ASSERT_TRUE(estimator.hasStarted()) << estimator.startProblem();
+    const auto tilt = [&]() -> Eigen::Matrix2d {
+      return estimator.state().pose_covariance.block<2, 2>(3, 3);
+    };
+    const auto up = [&]() -> Eigen::Vector3d {
+      return estimator.state().world_T_imu.rotation().transpose().col(2);
+    };
+    while (flight.seconds() < 3.0) flight.feed(estimator);
+    const double known = std::sqrt(tilt().selfadjointView<Eigen::Lower>().eigenvalues()[0]);
+    double step = 0.0;
+    while (flight.seconds() < 60.0) {
+      const Eigen::Vector3d before = up();
+      flight.feed(estimator);
+      step = std::max(step, before.cross(up()).norm());
+    }
+    EXPECT_GT(std::sqrt(tilt().selfadjointView<Eigen::Lower>().eigenvalues()[0]), 0.95 * known) << seed;
+    EXPECT_LT(step, 2e-3) << seed << ": rad in a frame";
+  }
+}
+
 } // namespace
 } // namespace vi_ekf_slam::test

@@ -18,9 +18,12 @@ namespace vi_ekf_slam {
 /// instead of the world's origin, so that no number grows with the distance from there):
 enum class Chart : std::uint8_t {
   kPose,        ///< 6 rows (dp, theta): p = p^ + dp, R = Exp(theta) R^; the first variable, and only that
-  kVector,      ///< x = x^ + dx: twists and biases in the body's axes, calibration
+  kVector,      ///< x = x^ + dx: twists, calibration
   kWorldVector, ///< 3 rows: v = Exp(theta) (v^ + e), a velocity along the world's axes
   kPoint,       ///< 3 rows: x - p = Exp(theta) (x^ - p^ + y), a point of the world
+  /// 3 rows each: x = x^ + R^T R^ dx, along the body's axes. A correction of R leaves its error where it is
+  /// in the world ("two frames": Barrau and Bonnabel, The geometry of navigation problems, IEEE TAC 2023).
+  kBodyVector,
 };
 
 /// Names a variable from the time when it is added until it is removed.

@@ -13,7 +13,7 @@ namespace vi_ekf_slam {
 ///
 ///   R' = R G0(w dt),   v' = v + (R G1(w dt) a + g) dt,   p' = p + v dt + (R G2(w dt) a + g / 2) dt^2
 ///
-/// with w = w_m - b_g, a = (I - M) (a_m - b_a) held over a step and G_k the integrals of the rotation (so3).
+/// with w = w_m - b_g, a = (I - M) a_m - b_a held over a step and G_k the integrals of the rotation (so3).
 /// M (3x3) is what is wrong with the scale and the alignment of the accelerometer's axes: constant, and known
 /// to a per cent where an IMU is used as it comes.
 class Inertial : public MotionModel {
