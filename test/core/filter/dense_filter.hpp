@@ -68,6 +68,12 @@ class DenseFilter {
       if (v.chart == Chart::kWorldVector && v.active) {
         v.mean = turn * (v.mean + e);
         F.block<3, 3>(v.row, v.row) = turn;
+      } else if (v.chart == Chart::kBodyVector && v.active) {
+        const Eigen::Matrix3d body_turn = pose_.rotation().transpose() * turn.transpose() * pose_.rotation();
+        for (Eigen::Index k = 0; k < e.size(); k += 3) {
+          v.mean.segment<3>(k) += body_turn * e.segment<3>(k);
+          F.block<3, 3>(v.row + k, v.row + k) = body_turn;
+        }
       } else if (v.chart == Chart::kPoint && v.active && !core) {
         const Eigen::Vector3d way = v.mean - before;
         const Eigen::Vector3d shift = error.head<3>(), d = e + so3::hat(error.segment<3>(3)) * way + shift;

@@ -14,7 +14,7 @@ class Pair {
  public:
   explicit Pair(unsigned seed)
       : random_(seed), filter_(start(), covariance6()), dense_(filter_.pose(), covariance6()) {
-    core_ = {add(Chart::kVector, 6), add(Chart::kWorldVector, 3), add(Chart::kVector, 4)};
+    core_ = {add(Chart::kBodyVector, 6), add(Chart::kWorldVector, 3), add(Chart::kVector, 4)};
     filter_.closeCore();
     dense_.closeCore();
     calibration_ = add(Chart::kVector, 1);
