@@ -61,7 +61,8 @@ TEST(StereoCheck, NamesRowsThatDiffer) {
 TEST(StereoCheck, NamesNoiseThatIsLargerThanStated) {
   EXPECT_EQ(saidOf([](StereoPixels&) {}, 1.1), "");
   const std::string said = saidOf([](StereoPixels&) {}, 1.5);
-  EXPECT_NE(said.find("pixel noise is larger than stated: rows of matched points differ by "), std::string::npos)
+  EXPECT_NE(said.find("pixel noise is larger than stated: rows of matched points differ by "),
+            std::string::npos)
       << said;
   EXPECT_NE(said.find("px makes them, stated: 1 px;"), std::string::npos) << said;
 }
