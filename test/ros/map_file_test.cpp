@@ -1,11 +1,9 @@
 // Saved maps on the disk: honest ones, damaged ones, and ones made to harm.
 #include "vi_ekf_slam/ros/map_file.hpp"
 
-#include <gtest/gtest.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 #include <std_msgs/String.h>
-#include <stdlib.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -18,6 +16,7 @@
 #include <limits>
 
 #include "../core/numeric.hpp"
+#include "folder.hpp"
 #include "vi_ekf_slam/MapDescriptors.h"
 #include "vi_ekf_slam/MapLandmark.h"
 #include "vi_ekf_slam/MapState.h"
@@ -83,15 +82,12 @@ SavedMap example(std::size_t landmarks = 5) {
   return map;
 }
 
-class MapFile : public testing::Test {
+class MapFile : public InFolder {
  protected:
   void SetUp() override {
-    char name[] = "/tmp/vi_ekf_slam_map_XXXXXX";
-    ASSERT_NE(nullptr, mkdtemp(name));
-    directory_ = name;
-    path_ = directory_ + "/map.bag";
+    InFolder::SetUp();
+    path_ = at("map.bag");
   }
-  void TearDown() override { fs::remove_all(directory_); }
 
   std::string bytes() const {
     std::ifstream file(path_, std::ios::binary);
@@ -145,7 +141,7 @@ class MapFile : public testing::Test {
     put(whole);
   }
 
-  std::string directory_, path_;
+  std::string path_;
 };
 
 TEST_F(MapFile, ReadsBackToTheLastBit) {

@@ -1,13 +1,11 @@
 // What a node starts with, and what becomes of what an earlier one left.
 #include "vi_ekf_slam/ros/node/map_store.hpp"
 
-#include <gtest/gtest.h>
-#include <stdlib.h>
-
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 
+#include "folder.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
 namespace vi_ekf_slam {
@@ -15,19 +13,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class MapStoreFolder : public testing::Test {
+class MapStoreFolder : public InFolder {
  protected:
   void SetUp() override {
-    char name[] = "/tmp/vi_ekf_slam_store_XXXXXX";
-    ASSERT_NE(nullptr, mkdtemp(name));
-    directory_ = name;
+    InFolder::SetUp();
     map_.stamp = fromSeconds(1000.0);
     map_.variables = {{"twist", Vector6d::Zero()}, {"twist_bias", Vector6d::Zero()}};
     map_.covariance = Eigen::MatrixXd::Identity(18, 18);
   }
-  void TearDown() override { fs::remove_all(directory_); }
 
-  std::string at(const std::string& name) const { return directory_ + "/" + name; }
   void put(const std::string& name, const std::string& text) const {
     fs::create_directories(fs::path(at(name)).parent_path());
     std::ofstream(at(name)) << text;
@@ -43,7 +37,6 @@ class MapStoreFolder : public testing::Test {
   }
   MapStore::Settings resuming() const { return {directory_, "", true, "map"}; }
 
-  std::string directory_;
   SavedMap map_;
 };
 

@@ -1,8 +1,5 @@
 #include "vi_ekf_slam/ros/node/results.hpp"
 
-#include <gtest/gtest.h>
-#include <stdlib.h>
-
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -10,21 +7,15 @@
 #include <iterator>
 #include <thread>
 
+#include "folder.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
 namespace fs = std::filesystem;
 
-class ResultsFolder : public testing::Test {
+class ResultsFolder : public InFolder {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/vi_ekf_slam_results_XXXXXX";
-    ASSERT_NE(nullptr, mkdtemp(name));
-    directory_ = name;
-  }
-  void TearDown() override { fs::remove_all(directory_); }
-
-  std::string at(const std::string& name) const { return directory_ + "/" + name; }
   std::ptrdiff_t savedPoses() const {
     std::ifstream file(at("trajectory.tum"));
     return std::count(std::istreambuf_iterator<char>(file), {}, '\n');
@@ -34,8 +25,6 @@ class ResultsFolder : public testing::Test {
     for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     return condition();
   }
-
-  std::string directory_;
 };
 
 Output poseAt(double seconds) {

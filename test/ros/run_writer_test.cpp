@@ -1,16 +1,17 @@
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 
-#include <gtest/gtest.h>
-#include <stdlib.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Geometry>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <sstream>
 #include <stdexcept>
+
+#include "folder.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -32,21 +33,14 @@ Output output(Stamp stamp, double angle) {
   return o;
 }
 
-class RunWriterFiles : public testing::Test {
+class RunWriterFiles : public InFolder {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/vi_ekf_slam_run_writer_XXXXXX";
-    ASSERT_NE(nullptr, mkdtemp(name));
-    directory_ = name;
-  }
-  void TearDown() override { fs::remove_all(directory_); }
   std::vector<std::string> lines(const std::string& name) const {
-    std::ifstream file(directory_ + "/" + name);
+    std::ifstream file(at(name));
     std::vector<std::string> all;
     for (std::string line; std::getline(file, line);) all.push_back(line);
     return all;
   }
-  std::string directory_;
   RunWriter writer_;
 };
 

@@ -123,7 +123,7 @@ void Filter::moveWorld(const SE3& to_T_world) {
       const Chart chart = variables_.chartOf(handle);
       if (chart == Chart::kVector || chart == Chart::kBodyVector) continue;
       turn(row);
-      if (variables_.chartOf(handle) == Chart::kPose) turn(row + 3);
+      if (chart == Chart::kPose) turn(row + 3);
     }
   });
   variables_.moveWorld(to_T_world);

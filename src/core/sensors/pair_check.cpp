@@ -51,17 +51,18 @@ std::string PairCheck::judge() const {
   const double error = medianOf(rows_);
   const double stated = medianOf(sigmas_), noise = error / kMedianOfRows;
   const double limit = std::max(kMaxMedianRow, kRowFactor * kMedianOfRows * stated);
-  if (error <= limit && noise <= kNoiseFactor * stated) return {};
-  if (error <= limit)
-    return "pixel noise is larger than stated: rows of matched points differ by " + rounded(error) +
-           " px (median of " + std::to_string(rows_.size()) + " points), as noise of " + rounded(noise) +
-           " px makes them, stated: " + rounded(stated) +
+  const std::string count = " px (median of " + std::to_string(rows_.size()) + " points), ";
+  if (error > limit)
+    return "matched points lie in different rows: " + rounded(error) + count + "allowed: " + rounded(limit) +
+           " px; the features are not those of rectified pictures: rectify their pixels with D, K, R and P "
+           "of "
+           "camera_info";
+  if (noise > kNoiseFactor * stated)
+    return "pixel noise is larger than stated: rows of matched points differ by " + rounded(error) + count +
+           "as noise of " + rounded(noise) + " px makes them, stated: " + rounded(stated) +
            " px; the covariance is too small: state the noise that there is (invariant/pixel_sigma, sigma of "
            "the features), or rectify more exactly";
-  return "matched points lie in different rows: " + rounded(error) + " px (median of " +
-         std::to_string(rows_.size()) + " points), allowed: " + rounded(limit) +
-         " px; the features are not those of rectified pictures: rectify their pixels with D, K, R and P of "
-         "camera_info";
+  return {};
 }
 
 } // namespace vi_ekf_slam

@@ -53,8 +53,8 @@ def _judge_features(rig, report):
         report.red("disparity has the wrong sign", "%.0f %% of the points are behind the cameras" % (100.0 * behind), "%.0f %%" % (
             100.0 * SWAPPED), "exchange left and right: u_left must be the larger one")
         return
-    # Two coordinates of that noise make a median of 0.954 sigma; a fifth more is no longer that.
-    expected = 1.2 * 0.954 * max(PIXEL_SIGMA, float(np.median(rig.feature_sigmas)))
+    # A fifth more than noise makes is no longer that.
+    expected = 1.2 * MEDIAN_OF_ROWS * max(PIXEL_SIGMA, float(np.median(rig.feature_sigmas)))
     _say_rows(report, float(np.median(np.abs(rows))), len(rows), "the features are not those of rectified pictures: rectify their pixels "
               "with D, K, R and P of camera_info", expected, max(MAX_ROW, 2.0 * expected))
     _say_noise(rig, rows, report)

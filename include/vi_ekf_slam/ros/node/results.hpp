@@ -16,8 +16,8 @@
 namespace vi_ekf_slam {
 
 /// What a node has computed, and how it comes to the disk: at the end, every now and then, and when it is
-/// asked for. Copies are made in the worker, and written beside it; one thread at a time writes
-/// a file.
+/// asked for. Copies are made in the worker, and written beside it; one thread at a time
+/// writes a file.
 class Results {
  public:
   struct Answer {
