@@ -1,12 +1,23 @@
 // What InactiveStore has deferred, done: here, or in a thread beside.
 
 #include <algorithm>
-#include <tuple>
 #include <utility>
 
 #include "vi_ekf_slam/core/filter/inactive_store.hpp"
 
 namespace vi_ekf_slam {
+namespace {
+
+bool isOwnedAlone(const std::shared_ptr<inactive::Settled>& held) {
+  if (held.use_count() != 1) return false;
+  // The last other owner may have been in another thread: letting go of one more owner here orders what it
+  // read before what is written now (use_count() alone orders nothing).
+  { const std::shared_ptr<inactive::Settled> owner = held; }
+  return true;
+}
+
+} // namespace
+
 namespace inactive {
 namespace {
 
@@ -28,7 +39,7 @@ void keep(Settled& settled, Eigen::MatrixXd& cross, const std::vector<std::size_
 /// Block by block from the last one: F, information and correction from the block's end to now, and `later`,
 /// the d of those that left afterwards in terms of the active errors at its end.
 Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std::size_t>& kept,
-                  const std::vector<std::shared_ptr<const Block>>& blocks) {
+                  const std::deque<std::shared_ptr<const Block>>& blocks) {
   keep(settled, before, kept);
   const Eigen::Index old = settled.rows();
   for (const auto& block : blocks) {
@@ -82,18 +93,14 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
 /// For a change; a copy where another store has it too.
 inactive::Settled InactiveStore::takeSettled() {
   const auto held = std::exchange(settled_, nullptr);
-  if (held.use_count() > 1) return *held;
-  // The last other owner may have been in another thread: letting go of one more owner here orders what it
-  // read before what is written now (use_count() alone orders nothing).
-  { const std::shared_ptr<inactive::Settled> owner = held; }
-  return std::move(*held);
+  return isOwnedAlone(held) ? std::move(*held) : *held;
 }
 
 void InactiveStore::settle() {
   endSettling();
   if (isEmpty()) return;
   close();
-  const std::vector<std::shared_ptr<const Block>> blocks(blocks_.begin(), blocks_.end());
+  const Blocks blocks = blocks_;
   Eigen::MatrixXd before = cross_.all();
   cross_ = {};
   const auto kept = keptOfSettled();
@@ -104,28 +111,27 @@ void InactiveStore::settle() {
 void InactiveStore::beginSettling() {
   if (settling_.valid() || blocks_.empty()) return;
   begun_ = begun();
-  settling_ =
-      std::async(std::launch::async | std::launch::deferred, [settled = settled_, cross = cross_,
-                                                              kept = keptOfSettled(),
-                                                              blocks =
-                                                                  std::vector<std::shared_ptr<const Block>>(
-                                                                      blocks_.begin(), blocks_.end())] {
-        return inactive::composed(*settled, cross.all(), kept, blocks);
-      }).share();
+  // To give back that much memory takes longer than a frame has, and the matrix's is wanted again.
+  settling_ = std::async(std::launch::async | std::launch::deferred, [settled = settled_, cross = cross_,
+                                                                      kept = keptOfSettled(),
+                                                                      blocks = Blocks(blocks_),
+                                                                      replaced = std::exchange(
+                                                                          replaced_, {})]() mutable {
+                inactive::Settled copy;
+                if (isOwnedAlone(replaced.settled)) copy = std::move(*replaced.settled);
+                replaced = {};
+                copy = *settled;
+                return inactive::composed(std::move(copy), cross.all(), kept, blocks);
+              }).share();
 }
 
 void InactiveStore::endSettling() {
   if (!settling_.valid()) return;
   const inactive::Composed composed = settling_.get();
-  // To give back that much memory takes longer than a frame has.
-  auto replaced = std::make_tuple(
-      std::exchange(settling_, {}), settled_, cross_,
-      decltype(blocks_)(blocks_.begin(), blocks_.begin() + static_cast<std::ptrdiff_t>(begun_.blocks)));
+  replaced_ = {settled_, cross_,
+               Blocks(blocks_.begin(), blocks_.begin() + static_cast<std::ptrdiff_t>(begun_.blocks))};
+  settling_ = {};
   accept(composed, begun_);
-  releasing_ =
-      std::async(std::launch::async | std::launch::deferred, [replaced = std::move(replaced)]() mutable {
-        replaced = {};
-      }).share();
 }
 
 InactiveStore::Begun InactiveStore::begun() const {

@@ -173,6 +173,7 @@ void InactiveStore::release() {
     blocks_.clear();
     open_ = OpenBlock();
     settling_ = {};
+    replaced_ = {};
   } else if (!keptOfSettled().empty() || settled_->count() == 0) {
     return;
   } else {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <deque>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -139,7 +140,7 @@ struct Composed {
 };
 /// `kept`: the variables (by number) of the settled ones that are still there.
 Composed composed(Settled settled, Eigen::MatrixXd cross, const std::vector<std::size_t>& kept,
-                  const std::vector<std::shared_ptr<const Block>>& blocks);
+                  const std::deque<std::shared_ptr<const Block>>& blocks);
 
 } // namespace inactive
 } // namespace vi_ekf_slam

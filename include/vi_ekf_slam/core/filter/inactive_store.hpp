@@ -135,6 +135,7 @@ class InactiveStore {
  private:
   using Block = inactive::Block;
   using OpenBlock = inactive::OpenBlock;
+  using Blocks = std::deque<std::shared_ptr<const Block>>;
   /// The pose's handle, which is never inactive: of a place among the settled ones that is empty.
   static constexpr Handle kTaken = 0;
 
@@ -156,6 +157,12 @@ class InactiveStore {
     std::vector<Handle> handles, taken;
     std::uint64_t last_serial = 0;
   };
+  /// What a settling has replaced, until the next one.
+  struct Replaced {
+    std::shared_ptr<inactive::Settled> settled;
+    inactive::StackedRows cross;
+    Blocks blocks;
+  };
   Begun begun() const;
   void accept(const inactive::Composed& composed, const Begun& begun);
   inactive::Settled takeSettled();
@@ -165,7 +172,7 @@ class InactiveStore {
   std::vector<InactiveVariable> variables_; ///< the settled ones, block by block, those of the open one
   std::shared_ptr<inactive::Settled> settled_ = std::make_shared<inactive::Settled>(); ///< shared by copies
   inactive::StackedRows cross_;                     ///< of the first block's first errors with the settled
-  std::deque<std::shared_ptr<const Block>> blocks_; ///< closed ones, the first one first
+  Blocks blocks_;                                   ///< closed ones, the first one first
   OpenBlock open_;
   Eigen::Index rows_ = 0;       ///< n, of the active errors now
   Eigen::Index began_with_ = 0; ///< n, when the open block began
@@ -174,7 +181,7 @@ class InactiveStore {
   std::uint64_t last_serial_ = 0;
   std::shared_future<inactive::Composed> settling_;
   Begun begun_;                        ///< where that is under way
-  std::shared_future<void> releasing_; ///< what was replaced by it
+  Replaced replaced_;                  ///< by the one before
 };
 
 } // namespace vi_ekf_slam
