@@ -125,6 +125,29 @@ TEST(ClockGuard, ALongGapAndAClockThatRestartsBeginAnewWithoutLoss) {
   }
 }
 
+TEST(ClockGuard, AStreamThatWasHeldUpIsLateAndNothingBeginsAnew) {
+  for (const Stream held_up : {Stream::kStereo, Stream::kImu}) {
+    SlamSystem system(guardedConfig());
+    system.setRig(exampleRig());
+    std::vector<Measurement> waiting;
+    const auto measurements = drive(100.0, 10.0);
+    for (const auto& m : measurements) {
+      const double t = toSeconds(stampOf(m)) - 100.0;
+      if (streamOf(m) == held_up && t > 3.0 && t < 6.0) {
+        waiting.push_back(m);
+        continue;
+      }
+      if (streamOf(m) == held_up) {
+        for (const auto& w : std::exchange(waiting, {})) system.add(w);
+      }
+      system.add(m);
+    }
+    system.flush();
+    EXPECT_EQ(system.counts().resets, 0U);
+    EXPECT_EQ(total(system.counts().late) + total(system.counts().processed), measurements.size());
+  }
+}
+
 TEST(ClockGuard, WhatNothingConfirmedBeforeTheEndIsStray) {
   SlamSystem system(guardedConfig());
   system.setRig(exampleRig());

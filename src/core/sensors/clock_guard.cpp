@@ -25,16 +25,28 @@ ClockGuard::Verdict ClockGuard::judge(Measurement& measurement, std::optional<St
   const bool repeats =
       agrees && stampOf(held_.back()) == stamp && streamOf(held_.back()) == streamOf(measurement);
   if (!agrees || repeats) discard();
-  if (!newest) gyro_believed_ = false;
+  if (!newest) {
+    gyro_believed_ = false;
+    last_ = {};
+  }
   const bool first_gyro = streamOf(measurement) == Stream::kImu && !gyro_believed_;
   if (first_gyro) gyro_believed_ = true;
-  if (side == Side::kNear) return Verdict::kPass;
+  std::optional<Stamp>& last = last_[static_cast<std::size_t>(streamOf(measurement))];
+  const bool was_held_up = side == Side::kBehind && last && stamp > *last;
+  if (side == Side::kNear || was_held_up) {
+    last = stamp;
+    return Verdict::kPass;
+  }
   held_side_ = side;
   held_.push_back(std::move(measurement));
   return first_gyro || held_.size() >= options_.jump_confirmations ? Verdict::kJump : Verdict::kHeld;
 }
 
-std::vector<Measurement> ClockGuard::take() { return std::exchange(held_, {}); }
+std::vector<Measurement> ClockGuard::take() {
+  last_ = {};
+  for (const Measurement& m : held_) last_[static_cast<std::size_t>(streamOf(m))] = stampOf(m);
+  return std::exchange(held_, {});
+}
 
 void ClockGuard::discard() {
   auto& counts = held_side_ == Side::kAhead ? strays_.ahead : strays_.behind;

@@ -16,6 +16,8 @@ namespace vi_ekf_slam {
 /// `jump_confirmations` such measurements in a row, near each other, are a jump, and none of them is lost. A
 /// measurement that goes on where the others were refutes it: what was held is stray.
 ///
+/// A stream that was held up, as by its connection, and goes on where it was, is late: no clock has jumped.
+///
 /// The state moves by the gyro's clock. So the first gyro sample is believed at once, whatever came before it
 /// from a sensor with another clock.
 class ClockGuard {
@@ -53,6 +55,7 @@ class ClockGuard {
   std::vector<Measurement> held_;
   Side held_side_ = Side::kNear;
   bool gyro_believed_ = false; ///< since nothing was believed
+  std::array<std::optional<Stamp>, kStreamCount> last_; ///< of each stream that was believed
   Strays strays_;
 };
 
