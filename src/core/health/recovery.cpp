@@ -48,10 +48,7 @@ void Recovery::travel(double distance_m, double angle_rad) {
   unused_angle_ += angle_rad;
 }
 
-void Recovery::endFrame() {
-  distance_ = angle_ = 0.0;
-  has_frame_ = true;
-}
+void Recovery::endFrame() { distance_ = angle_ = 0.0; }
 
 Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoModel& model,
                            const StereoFrame& frame, const std::vector<Association>& associations,
@@ -60,8 +57,12 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
   Divergence divergence =
       monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
                     outcome.capped_nis, outcome.skipped ? 0 : 3 * associations.size()});
-  const bool may_be_jump = options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_frame_ &&
-                           static_cast<double>(used) < kJumpUsed * static_cast<double>(associations.size());
+  const bool follows =
+      used > 0 && static_cast<double>(used) >= kJumpUsed * static_cast<double>(associations.size());
+  // Until a frame agrees with the first one, that is as likely to be wrong as one that contradicts it.
+  const bool may_be_jump =
+      options_.monitor.window_s > 0.0 && options_.jump_m > 0.0 && has_followed_ && !follows;
+  has_followed_ = has_followed_ || follows;
   if (divergence == Divergence::kNone && !may_be_jump) return Divergence::kNone;
   const auto motion = commonMotion(displacedPoints(filter, map, model, frame, associations));
   if (divergence == Divergence::kNone) {

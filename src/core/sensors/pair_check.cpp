@@ -55,8 +55,9 @@ std::string PairCheck::judge() const {
   if (error > limit)
     return "matched points lie in different rows: " + rounded(error) + count + "allowed: " + rounded(limit) +
            " px; the features are not those of rectified pictures: rectify their pixels with D, K, R and P "
-           "of "
-           "camera_info";
+           "of camera_info; or their noise is " +
+           rounded(noise) + " px, stated: " + rounded(stated) +
+           " px (invariant/pixel_sigma, sigma of the features)";
   if (noise > kNoiseFactor * stated)
     return "pixel noise is larger than stated: rows of matched points differ by " + rounded(error) + count +
            "as noise of " + rounded(noise) + " px makes them, stated: " + rounded(stated) +

@@ -67,6 +67,13 @@ TEST(StereoCheck, NamesNoiseThatIsLargerThanStated) {
   EXPECT_NE(said.find("px makes them, stated: 1 px;"), std::string::npos) << said;
 }
 
+// Rows that differ by so much may be those of pictures that are not rectified, or noise.
+TEST(StereoCheck, NamesNoiseThatIsFarLargerThanStatedToo) {
+  const std::string said = saidOf([](StereoPixels&) {}, 3.0);
+  EXPECT_EQ(said.find("matched points lie in different rows: "), 0u) << said;
+  EXPECT_NE(said.find("camera_info; or their noise is 2.93 px, stated: 1 px ("), std::string::npos) << said;
+}
+
 TEST(StereoCheck, NamesSidesThatAreExchanged) {
   const std::string said = saidOf([](StereoPixels& p) { std::swap(p[0], p[2]); });
   EXPECT_NE(said.find("disparity has the wrong sign: 100 % of the points"), std::string::npos) << said;

@@ -67,8 +67,8 @@ class Recovery {
   double distance_ = 0.0, angle_ = 0.0;               ///< since the last frame
   double unused_distance_ = 0.0, unused_angle_ = 0.0; ///< since the last one that was used
   Sample gyro_, velocity_;                            ///< the last ones
-  bool has_frame_ = false;
-  Divergence divergence_ = Divergence::kNone; ///< the last one
+  bool has_followed_ = false;                         ///< a frame has agreed with the one before
+  Divergence divergence_ = Divergence::kNone;         ///< the last one
   Stamp stamp_ = 0;
   SE3 pose_;
   Matrix6d covariance_ = Matrix6d::Zero();
