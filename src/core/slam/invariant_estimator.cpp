@@ -11,6 +11,7 @@
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
 #include "vi_ekf_slam/core/tracking/new_landmarks.hpp"
 #include "vi_ekf_slam/core/tracking/track_walk.hpp"
+#include "vi_ekf_slam/core/tracking/twist_guess.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -22,13 +23,7 @@ constexpr double kTrackedGap = 1.0;      // s; nothing that was in view is track
 // Times max_tracked, while a vehicle looks for its place in a map: of few landmarks in view too few are the
 // map's. By looks alone one simulated lap of eight takes 490 of 600 frames with 1, and none more than 220 so.
 constexpr double kWhileLost = 1.5;
-constexpr double kSameAxes = 0.5;    // rad: nearer than any other way to mount it
-constexpr double kBridgeStep = 10.0; // s
-// rad, standard deviation: corrections of more are none that are linear. Of a body that knows the vertical
-// the tilt says where gravity points, which goes into its velocity: measured on flights through gaps, of up
-// to 0.75 s (0.19 rad) all are consistent afterwards (NEES of the position 2.0 in the mean of 16), of 0.9 s
-// (0.25 rad) a quarter is not (above 100).
-constexpr double kBridgedHeading = 1.0, kBridgedTilt = 0.2;
+constexpr double kSameAxes = 0.5; // rad: nearer than any other way to mount it
 
 Matrix6d startCovariance() { return independentPose(kPosePriorSigma, kPosePriorSigma); }
 
@@ -53,6 +48,7 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
 
 /// A filter that knows nothing but its pose.
 void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
+  if (model_) model_->forgetScene(filter_);
   filter_ = Filter(pose, covariance);
   motion_->addTo(filter_);
   RigVariables::addTo(filter_, config_.rig);
@@ -146,39 +142,6 @@ void InvariantEstimator::propagate(Filter& filter, const ImuTrack& imu, Stamp fr
     motion_->propagate(filter, imu, from + (to - from) * i / steps, from + (to - from) * (i + 1) / steps);
 }
 
-/// The filter at a later stamp, if nothing is measured until then and the orientation stays known.
-std::optional<Filter> InvariantEstimator::ahead(Stamp end, double known_tilt) const {
-  Filter ahead = filter_;
-  Stamp now = stamp_.value_or(0);
-  ImuTrack imu = imu_;
-  imu.expectAt(end);
-  // Bit by bit: over a gap of years the heading is lost soon.
-  while (now < end) {
-    const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
-    propagate(ahead, imu, std::exchange(now, next), next);
-    const Eigen::Vector3d sigma = ahead.covariance().diagonal().segment<3>(3).cwiseSqrt();
-    if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kBridgedHeading)) return std::nullopt;
-  }
-  return ahead;
-}
-
-bool InvariantEstimator::canBridge(double gap_s) const {
-  const double known_tilt = motion_->knowsGravity() ? kBridgedTilt : kBridgedHeading;
-  return ahead(stamp_.value_or(0) + fromSeconds(gap_s), known_tilt).has_value();
-}
-
-Forecast InvariantEstimator::forecast() const {
-  return [before = *this](Stamp stamp) -> std::optional<StateEstimate> {
-    const auto filter = before.ahead(stamp, kBridgedHeading);
-    if (!filter) return std::nullopt;
-    StateEstimate state;
-    state.stamp = stamp;
-    state.world_T_imu = filter->pose();
-    state.pose_covariance = filter->covariance().topLeftCorner<6, 6>();
-    return state;
-  };
-}
-
 /// Remembers a valid estimate, and goes back to it from one that is not.
 void InvariantEstimator::checkpoint(bool thoroughly) {
   if (recovery_.check(filter_, *stamp_, thoroughly)) return;
@@ -191,7 +154,15 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
 
 // A frame: motion -> tracking -> observation -> filter -> health -> map.
 
+void InvariantEstimator::guessTwistOf(const StereoFrame& frame) {
+  const double dt = model_ && stamp_ ? secondsBetween(*stamp_, frame.stamp) : 0.0;
+  if (dt <= 0.0 || dt > kTrackedGap) return;
+  guessTwist(filter_, config_.update, *model_, *motion_, map_.landmarks(), frame, dt,
+             [&](Filter& filter) { propagate(filter, imu_, *stamp_, frame.stamp); });
+}
+
 FrameReport InvariantEstimator::process(const StereoFrame& frame) {
+  guessTwistOf(frame);
   advanceTo(frame.stamp);
   FrameReport report(frame);
   report.contradicting_velocities = std::exchange(contradicting_velocities_, 0);

@@ -67,6 +67,7 @@ class ConstantTwist : public MotionModel {
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
   double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;
 
+  std::optional<Handle> twistAsVariable() const override { return twist_; }
   Handle twistVariable() const { return twist_; }
   Handle biasVariable() const { return bias_; }
 

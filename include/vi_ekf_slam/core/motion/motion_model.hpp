@@ -72,6 +72,8 @@ class MotionModel {
   /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the
   /// twist.
   virtual double twistChange(const Filter& filter, const Eigen::VectorXd& error) const = 0;
+  /// The variable that is the twist, where it is one.
+  virtual std::optional<Handle> twistAsVariable() const { return std::nullopt; }
 };
 
 } // namespace vi_ekf_slam

@@ -68,6 +68,7 @@ class InvariantEstimator : public Estimator {
   void moveWorld(const SE3& to_T_world);
   std::optional<StereoRig> givenRig() const { return model_ ? std::optional(model_->rig()) : std::nullopt; }
   void advanceTo(Stamp stamp);
+  void guessTwistOf(const StereoFrame& frame);
   void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const;
   std::optional<Filter> ahead(Stamp end, double known_tilt) const;
   void checkpoint(bool thoroughly);
