@@ -24,10 +24,11 @@ ImuNoise readImuCalibration(const std::string& path) {
   YamlSection root = YamlSection::root(withoutDirective(readYamlFile(path)), path);
   YamlSection imu = root.has("imu0") ? root.section("imu0") : root;
   ImuNoise noise;
-  noise.gyro_density = imu.required("gyroscope_noise_density", Range::positive());
-  noise.accelerometer_density = imu.required("accelerometer_noise_density", Range::positive());
-  noise.gyro_walk = imu.required("gyroscope_random_walk", Range::notNegative());
-  noise.accelerometer_walk = imu.required("accelerometer_random_walk", Range::notNegative());
+  constexpr double kLargest = 1e6; // beyond any unit that may be mistaken
+  noise.gyro_density = imu.required("gyroscope_noise_density", Range::halfOpen(0.0, kLargest));
+  noise.accelerometer_density = imu.required("accelerometer_noise_density", Range::halfOpen(0.0, kLargest));
+  noise.gyro_walk = imu.required("gyroscope_random_walk", Range::closed(0.0, kLargest));
+  noise.accelerometer_walk = imu.required("accelerometer_random_walk", Range::closed(0.0, kLargest));
   return noise;
 }
 

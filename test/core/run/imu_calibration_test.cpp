@@ -102,6 +102,7 @@ TEST_F(ImuFiles, ACalibrationsErrorNamesFileKeyValueAndWhatIsAllowed) {
                                 "gyroscope_random_walk", "accelerometer_random_walk"}) {
     expectAll(error(replaced(kKalibr, key, "")), {key, "missing", "a number"});
     expectAll(error(replaced(kKalibr, key, key + ": -0.5")), {key, "'-0.5'", "a finite number >"});
+    expectAll(error(replaced(kKalibr, key, key + ": 1e7")), {key, "'1e7'", "<= 1e+06"});
     expectAll(error(replaced(kKalibr, key, key + ": .nan")), {key, "nan", "a finite number >"});
     expectAll(error(replaced(kKalibr, key, key + ": noise")), {key, "'noise'", "a finite number >"});
     expectAll(error(replaced(kKalibrResult, key, "comment: none")), {"imu0." + key, "missing"});

@@ -358,6 +358,18 @@ TEST(InertialStart, KeepsNoMoreThanItNeedsWhereNoImuComes) {
   }
 }
 
+// Of such a gyro the filter has an estimate that is none within a frame, and goes back to one that was.
+TEST(InertialStart, GoesOnWhereTheFilterBeginsAnewWithinIt) {
+  const FlightOptions options = startFlight(false);
+  for (const double density : {1e3, 1e4, 1e5, 1e6}) {
+    Flight flight(4, options);
+    InvariantConfig config = inertialConfig(options, options.pixel);
+    config.inertial.noise.gyro_density = density;
+    InertialEstimator estimator = inertialEstimator(config);
+    EXPECT_NO_THROW(startOf(flight, estimator)) << density;
+  }
+}
+
 TEST(InertialStart, NeedsMoreTracksThanTheFilterIsToHave) {
   const FlightOptions options = startFlight(false);
   Flight flight(4, options);
