@@ -30,9 +30,9 @@ void SensorChecks::use(const Measurement& measurement) {
   }
 }
 
-void SensorChecks::note(const ImuSample& sample, bool with_pictures) {
+void SensorChecks::note(const ImuSample& sample) {
   imu_.note(sample, is_inertial_);
-  if (with_pictures) motion_.note(sample);
+  motion_.note(sample);
 }
 
 void SensorChecks::note(const StereoFrame& frame) {

@@ -278,8 +278,7 @@ void SlamSystem::process(const Measurement& measurement) {
 }
 
 void SlamSystem::process(const ImuSample& sample) {
-  // An inertial estimate that has started has compared the two.
-  checks_.note(sample, !motion_.isInertial() || !estimator_->hasStarted());
+  checks_.note(sample);
   lever_arm_.note(sample);
   estimator_->process(sample);
   if (!estimator_->hasStarted()) return;

@@ -1,5 +1,8 @@
 // Sensors that do not move the body as the pictures do are named, and no others.
 
+#include <algorithm>
+#include <cmath>
+
 #include "road.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
@@ -150,6 +153,60 @@ TEST(MotionCheck, TellsTheSignOfAnInertialUnitFromItsBias) {
     }
     EXPECT_EQ(has(check.problem(), kTurn), turns_both_ways) << check.problem();
   }
+}
+
+/// What is said of a hand that turns a rig to and fro, where `offset` (s) is to be added to the pictures'
+/// stamps.
+std::string saidOfClocks(double offset, const InvariantConfig& config = {}) {
+  constexpr double kFrames = 10.0;
+  constexpr int kSamples = 20;
+  Road road(7, 40, {0.0, 0.003, 0.5});
+  road.setRates(kFrames, kSamples);
+  road.setGyroBias({0.02, -0.05, 0.03});
+  std::vector<Measurement> all;
+  for (int k = 0; k < 40 * static_cast<int>(kFrames) * kSamples; ++k) {
+    const double t = k / (kFrames * kSamples);
+    road.setTwist(
+        (Vector6d() << 0.8, 0.0, 0.0, 0.0, 0.3 * std::sin(2.1 * t), 0.5 * std::sin(1.5 * t)).finished());
+    ImuSample gyro = road.gyro();
+    gyro.acceleration = Eigen::Vector3d(0.0, 0.0, 9.81);
+    gyro.covariance = 9e-6 * Eigen::Matrix3d::Identity();
+    all.emplace_back(gyro);
+    if (k % kSamples == 0) {
+      StereoFrame frame = road.frame();
+      frame.stamp -= fromSeconds(offset);
+      all.emplace_back(frame);
+    }
+    road.move();
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const auto& a, const auto& b) { return stampOf(a) < stampOf(b); });
+  MotionCheck check(config);
+  check.setRig(exampleRig());
+  std::string said;
+  for (const Measurement& m : all) {
+    if (const auto* frame = std::get_if<StereoFrame>(&m))
+      said += check.note(*frame);
+    else
+      check.note(std::get<ImuSample>(m));
+  }
+  return said;
+}
+
+TEST(MotionCheck, NamesTheClockOfThePictures) {
+  EXPECT_EQ(saidOfClocks(0.0), "");
+  EXPECT_EQ(saidOfClocks(0.005), "");
+  for (const double offset : {-0.03, 0.03}) {
+    const std::string said = saidOfClocks(offset);
+    ASSERT_TRUE(has(said, ") off the gyro's clock, allowed: 0.01")) << said;
+    const std::string key = "set calibration/time_offset: ";
+    ASSERT_TRUE(has(said, key)) << said;
+    // It is said once it is five standard deviations; here within three, and half the time between samples.
+    EXPECT_NEAR(std::stod(said.substr(said.find(key) + key.size())), offset, 0.02) << said;
+  }
+  InvariantConfig estimates;
+  estimates.rig.time_offset_sigma = 0.01;
+  EXPECT_EQ(saidOfClocks(0.03, estimates), "");
 }
 
 TEST(MotionCheck, IsPartOfTheSystemAndSaysItOnce) {

@@ -6,14 +6,15 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/sensors/clock_offset.hpp"
 #include "vi_ekf_slam/core/slam/invariant_estimator.hpp"
 
 namespace vi_ekf_slam {
 
 /// Looks whether gyro and velocity move the body as the pictures do: a transform to the camera that is
-/// inverted, a sensor in another unit, backwards or along other axes makes an estimate that is wrong all
-/// along. Beside the filter, stereo odometry of the pictures alone is compared with each sensor over windows
-/// of a second, until enough of them agree or contradict. Nothing is dropped for it.
+/// inverted, a sensor in another unit, backwards, along other axes or of another clock makes an estimate that
+/// is wrong all along. Beside the filter, stereo odometry of the pictures alone is compared with each sensor
+/// over windows of a second, until enough of them agree or contradict. Nothing is dropped for it.
 class MotionCheck {
  public:
   /// Of a filter that is configured so.
@@ -38,7 +39,7 @@ class MotionCheck {
   struct Samples {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     double variances = 0.0; ///< of those in the sum, all three axes
-    std::size_t count = 0;
+    std::size_t count = 0, taken = 0;
     std::optional<Stamp> last;
     Eigen::Vector3d newest = Eigen::Vector3d::Zero();
     bool is_stuck = true; ///< all have been the same number
@@ -61,6 +62,8 @@ class MotionCheck {
     Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
     Eigen::Vector3d way = Eigen::Vector3d::Zero(); ///< m
     double angle = 0.0;                            ///< rad, of all turns, which may be several
+    Eigen::Vector3d rate = Eigen::Vector3d::Zero(); ///< rad/s, at the begin
+    std::size_t gyro_samples = 0;
     double turned_variance = 0.0, way_variance = 0.0;
     bool has_gyro = true, has_velocity = true; ///< all along
   };
@@ -86,6 +89,7 @@ class MotionCheck {
   bool hasWork(Stamp now) const;
   void begin(const StereoFrame& frame);
   std::string judge();
+  std::string judgeClock(const Eigen::Matrix3d& seen, double sigma);
   std::string turnProblem() const;
   std::string wayProblem() const;
   static std::string asThePicturesDo(const Judged& judged, const std::string& unit, const std::string& hint);
@@ -94,6 +98,8 @@ class MotionCheck {
   std::optional<StereoRig> rig_;
   Samples gyro_, velocity_;
   Judged turn_, way_;
+  ClockOffset clock_;
+  bool knows_clock_;             ///< or cannot
   std::optional<Window> window_; ///< while there is work
   double bias_sigma_ = 0.0;      ///< rad/s, of the gyro, all three axes
   double worked_s_ = 0.0;

@@ -29,8 +29,7 @@ class SensorChecks {
   void arrived(Stream stream, Stamp stamp);
   // In the order of stamps:
   void use(const Measurement& measurement);
-  /// `with_pictures`: compared with them too.
-  void note(const ImuSample& sample, bool with_pictures);
+  void note(const ImuSample& sample);
   /// Of the IMU's own velocity.
   void note(const VelocitySample& sample) { motion_.note(sample); }
   void note(const StereoFrame& frame);
