@@ -4,16 +4,44 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
-constexpr int kIterations = 8;
-constexpr double kScales[] = {8.0, 4.0, 2.0}; // px, of what counts as fitting, from coarse to fine
+// px, of what counts as fitting, from coarse to fine. Of a start in motion nothing is guessed, and half of
+// the points may be farther off than the first.
+constexpr double kCoarse = 8.0, kFine = 2.0;
+constexpr int kRepeats = 2, kLastRepeats = 4; // of each scale, of the finest one
 constexpr double kMinDepth = 0.1;             // m
 constexpr double kLeastDisparity = 0.1;       // px
+
+/// px, within which half of the points are where the motion puts them; infinite, where it puts them behind
+/// the camera.
+double medianDistance(const StereoCamera& camera, const std::vector<Displacement>& displacements,
+                      const SE3& motion) {
+  std::vector<double> distances;
+  for (const Displacement& d : displacements) {
+    const Eigen::Vector3d p = motion * d.before;
+    distances.push_back(p.z() < kMinDepth ? std::numeric_limits<double>::infinity()
+                                          : (d.now - camera.project(p).head<2>()).norm());
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
+}
+
+/// px, one for each iteration.
+std::vector<double> scalesFrom(double distance) {
+  double scale = kCoarse;
+  while (scale < distance) scale *= 2.0;
+  std::vector<double> scales;
+  for (; scale > kFine; scale *= 0.5) scales.insert(scales.end(), kRepeats, scale);
+  scales.insert(scales.end(), kLastRepeats, kFine);
+  return scales;
+}
 
 } // namespace
 
@@ -28,11 +56,12 @@ double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point) {
 
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
                                   const SE3& guess) {
+  if (displacements.size() < kFewestForMotion) return std::nullopt;
+  const double distance = medianDistance(camera, displacements, guess);
+  if (!std::isfinite(distance)) return std::nullopt;
   SE3 motion = guess;
   std::size_t agreeing = 0;
-  for (int k = 0; k < kIterations; ++k) {
-    const double scale =
-        kScales[std::min<std::size_t>(static_cast<std::size_t>(k) / 2, std::size(kScales) - 1)];
+  for (const double scale : scalesFrom(distance)) {
     Matrix6d H = Matrix6d::Zero();
     Vector6d b = Vector6d::Zero();
     agreeing = 0;

@@ -252,6 +252,25 @@ TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
   EXPECT_FALSE(estimateMotion(kTestCamera, displacements, SE3()));
 }
 
+// As at the start of a drive: with nothing found the next pair has no guess either.
+TEST(EgoMotion, is_found_without_a_guess_while_the_camera_moves_fast) {
+  for (const Eigen::Vector3d& t : {Eigen::Vector3d(0.5, 0.0, 0.0), Eigen::Vector3d(0.0, 0.0, -1.4),
+                                   Eigen::Vector3d(-0.3, 0.2, -0.8), Eigen::Vector3d(0.1, 0.0, 0.0)}) {
+    const SE3 truth(so3::Exp({0.01, -0.03, 0.02}), t);
+    cv::RNG random(9);
+    std::vector<Displacement> displacements;
+    for (int i = 0; i < 60; ++i) {
+      const Eigen::Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(3.0, 9.0));
+      Eigen::Vector2d now = kTestCamera.project(truth * p).head<2>();
+      if (i % 3 == 0) now += Eigen::Vector2d(random.uniform(-60.0, 60.0), random.uniform(-60.0, 60.0));
+      displacements.push_back({p, now});
+    }
+    const auto motion = estimateMotion(kTestCamera, displacements, SE3(truth.rotation(), {0.0, 0.0, 0.0}));
+    ASSERT_TRUE(motion) << t.transpose();
+    EXPECT_LT((motion->inverse() * truth).Log().norm(), 0.02) << t.transpose();
+  }
+}
+
 // A car ahead that the camera follows moves along its epipolar lines.
 TEST(EgoMotion, knows_what_moves_from_what_has_another_disparity) {
   const SE3 ahead(so3::Exp({0.0, 0.02, 0.0}), {0.0, 0.0, -1.0});

@@ -22,7 +22,8 @@ Eigen::Vector3d pointBehind(const StereoCamera& camera, const cv::Point2d& left,
 double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point);
 
 /// now_T_before of the rectified left camera: Gauss-Newton on the pixels' distances, beginning at `guess`, in
-/// which those that do not fit lose their weight (Geman and McClure). Nothing where too few agree.
+/// which those that do not fit lose their weight (Geman and McClure), the sooner the better the guess is.
+/// Nothing where too few agree.
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
                                   const SE3& guess);
 
