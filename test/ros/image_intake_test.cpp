@@ -160,6 +160,10 @@ TEST(ImageDecoder, names_what_it_cannot_read) {
   auto image = boost::make_shared<sensor_msgs::Image>(*ramp(encodings::MONO8));
   image->encoding = "holo3";
   EXPECT_NE(std::string::npos, reason(sensor_msgs::ImageConstPtr(image)).find("holo3"));
+  image->encoding = encodings::TYPE_32FC1;
+  EXPECT_EQ(
+      "encoding is '32FC1', allowed: mono8, mono16, bgr8, rgb8 (with alpha, with 16 bit), Bayer, yuv422",
+      reason(sensor_msgs::ImageConstPtr(image)));
   image->encoding = encodings::MONO8;
   image->data.resize(10); // less than it announces
   EXPECT_NE("", reason(sensor_msgs::ImageConstPtr(image)));
@@ -365,6 +369,21 @@ TEST_F(OfNoUse, images_without_stamps_are_named) {
   }
   EXPECT_EQ("their header.stamp is 0", images_.problem());
   EXPECT_EQ(8u, images_.turnedAway()["images: without a stamp"]);
+}
+
+TEST(PairCalibration, without_an_IMU_a_jump_back_of_time_is_no_cause_for_complaints) {
+  PairCalibration calibration(ImageKind::kAuto, {}, "");
+  tf2_msgs::TFMessage moving;
+  moving.transforms.resize(1);
+  moving.transforms[0].header.frame_id = "odom";
+  moving.transforms[0].child_frame_id = "arm";
+  moving.transforms[0].transform.rotation.w = 1.0;
+  testing::internal::CaptureStderr();
+  for (const unsigned seconds : {1000U, 500U}) {
+    moving.transforms[0].header.stamp = ros::Time(seconds, 0);
+    calibration.addTransforms(moving, false);
+  }
+  EXPECT_EQ("", testing::internal::GetCapturedStderr());
 }
 
 TEST(PairCalibration, has_the_IMU_frame_that_it_is_told) {

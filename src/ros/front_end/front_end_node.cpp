@@ -17,6 +17,8 @@ constexpr std::uint32_t kSampleQueue = 10000; // messages
 constexpr std::uint32_t kFeatureQueue = 1000; // messages; a bag may be played fast
 constexpr double kIdle = 0.1;                 // s of wall time
 constexpr double kWarningPeriod = 5.0;        // s of wall time
+constexpr double kEndOfInput = 3.0;           // s of wall time; play_bag ends 5 s after the bag
+constexpr double kEndInRosTime = 0.3;         // s of ROS time, which a bag that is paused stops
 constexpr const char* kTransport = "image_transport";
 
 } // namespace
@@ -104,17 +106,34 @@ void FrontEndNode::subscribe(const std::string& transport) {
 
 void FrontEndNode::run() {
   while (!queue_.closed()) {
-    if (auto item = queue_.pop(kIdle)) item->work();
+    const bool has_come = takeIn(kIdle);
     work();
+    while (!has_come && hasEnded() && intake_.processWaiting()) continue;
     report();
   }
+}
+
+/// Whether something has come.
+bool FrontEndNode::takeIn(double wait_s) {
+  const auto item = queue_.pop(wait_s);
+  if (!item) return false;
+  item->work();
+  last_input_ = WorkQueue::Clock::now();
+  time_of_last_input_ = ros::Time::now();
+  return true;
+}
+
+/// A bag is over, or the sensors have ended: no gyro comes for which the last pair could wait.
+bool FrontEndNode::hasEnded() const {
+  return secondsSince(last_input_) >= kEndOfInput &&
+         (ros::Time::now() - time_of_last_input_).toSec() >= kEndInRosTime;
 }
 
 /// Takes in what has come, then the pairs that are complete, with what comes meanwhile.
 void FrontEndNode::work() {
   const bool sheds = config_.ros.max_latency_s > 0.0;
   do {
-    while (auto item = queue_.pop(0.0)) item->work();
+    while (takeIn(0.0)) continue;
   } while ((sheds ? intake_.processNewest() : intake_.processNext()) && !queue_.closed());
 }
 

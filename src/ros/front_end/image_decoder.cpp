@@ -23,6 +23,16 @@ cv::Mat read(const sensor_msgs::CompressedImage& message, int how) {
   return image;
 }
 
+/// cv_bridge says of others what it cannot convert, not what there may be.
+void requireEncoding(const std::string& encoding) {
+  if (encodings::isMono(encoding) || encodings::isColor(encoding) || encodings::isBayer(encoding) ||
+      encoding == encodings::TYPE_8UC1 || encoding == encodings::TYPE_16UC1 ||
+      encoding.rfind(encodings::YUV422, 0) == 0)
+    return;
+  throw std::runtime_error("encoding is '" + encoding +
+                           "', allowed: mono8, mono16, bgr8, rgb8 (with alpha, with 16 bit), Bayer, yuv422");
+}
+
 /// cv_bridge makes of 16 bits in the other order of bytes an image of 8 bits, twice as wide.
 sensor_msgs::ImageConstPtr inOurByteOrder(const sensor_msgs::ImageConstPtr& message) {
   constexpr bool kIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
@@ -57,6 +67,7 @@ cv::Mat ImageDecoder::toEightBits(const cv::Mat& image) {
 }
 
 cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& sent) {
+  requireEncoding(sent->encoding);
   const sensor_msgs::ImageConstPtr message = inOurByteOrder(sent);
   const std::string& encoding = message->encoding;
   const bool is_grey = encoding == encodings::MONO8 || encoding == encodings::TYPE_8UC1 ||

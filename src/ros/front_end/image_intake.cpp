@@ -85,7 +85,16 @@ void ImageIntake::add(const sensor_msgs::Imu& message) {
     if (early_.size() > kMostEarly) early_.pop_front();
   }
   pairing_.noteGyro(converted.sample->stamp);
+  gyro_has_begun_ = true;
   updateRotation();
+}
+
+bool ImageIntake::processWaiting() {
+  if (!gyro_has_begun_) return false; // it may begin yet
+  pairing_.expectGyro(false);
+  const bool is_done = processNext();
+  pairing_.expectGyro(true);
+  return is_done;
 }
 
 cv::Mat ImageIntake::decode(const PendingImage& image, const char* side) {

@@ -89,7 +89,9 @@ void PairCalibration::addRight(const sensor_msgs::CameraInfo& info) {
 }
 
 void PairCalibration::addTransforms(const tf2_msgs::TFMessage& message, bool is_static) {
-  if (cam_R_imu_) return; // that one holds; after a jump back of time tf2 complains of each transform
+  // That one holds, and without an IMU none is looked for; after a jump back of time tf2 complains of each
+  // transform of /tf, which comes again.
+  if (cam_R_imu_ || (!is_static && imu_frame_.empty())) return;
   frames_.add(message, is_static);
   updateRotation();
 }

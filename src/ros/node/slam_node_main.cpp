@@ -33,7 +33,8 @@ void requestStopByMaster(XmlRpc::XmlRpcValue& /*parameters*/, XmlRpc::XmlRpcValu
 void installStopHandlers() {
   std::signal(SIGINT, requestStop);
   std::signal(SIGTERM, requestStop);
-  std::signal(SIGHUP, requestStop); // the terminal was closed
+  // The terminal was closed, for which nohup has it run on.
+  if (std::signal(SIGHUP, requestStop) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
   ros::XMLRPCManager::instance()->unbind("shutdown");
   ros::XMLRPCManager::instance()->bind("shutdown", requestStopByMaster);
 }

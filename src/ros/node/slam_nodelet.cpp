@@ -24,9 +24,9 @@ volatile std::sig_atomic_t g_stop = 0;
 
 void requestStop(int /*signal*/) { g_stop = 1; }
 
-/// roscpp's own handler of SIGINT drops what was received, and nobody handles SIGTERM: the process would end
-/// with nothing saved. With these everything is saved first, and then the manager shuts down. They stay for
-/// as long as there is a nodelet of ours.
+/// roscpp's own handler of SIGINT drops what was received, and nobody handles SIGTERM and SIGHUP: the process
+/// would end with nothing saved. With these everything is saved first, and then the manager shuts down. They
+/// stay for as long as there is a nodelet of ours.
 class StopHandlers {
  public:
   void noteBegin() {
@@ -34,7 +34,11 @@ class StopHandlers {
     if (running_++ > 0) return;
     struct sigaction ours = {};
     ours.sa_handler = requestStop;
-    for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &ours, &before_[i]);
+    for (std::size_t i = 0; i < kSignals.size(); ++i) {
+      sigaction(kSignals[i], &ours, &before_[i]);
+      const bool by_nohup = kSignals[i] == SIGHUP && before_[i].sa_handler == SIG_IGN;
+      if (by_nohup) sigaction(kSignals[i], &before_[i], nullptr);
+    }
   }
 
   void noteEnd() {
@@ -45,7 +49,7 @@ class StopHandlers {
   }
 
  private:
-  static constexpr std::array<int, 2> kSignals = {SIGINT, SIGTERM};
+  static constexpr std::array<int, 3> kSignals = {SIGHUP, SIGINT, SIGTERM};
 
   std::mutex mutex_;
   int running_ = 0;

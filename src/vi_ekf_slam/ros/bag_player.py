@@ -138,6 +138,8 @@ def play():
     transport = str(rospy.get_param("~image_transport", "raw")) if rospy.get_param("~front_end", False) else None
     gyro_wait_s = float(rospy.get_param("front_end/buffer/max_delay_s", 0.0))
     bag = RecordedBag(find_bag(str(rospy.get_param("~bag"))), node, start, duration, transport, gyro_wait_s)
+    if bag.advice:
+        rospy.logwarn("play_bag: %s", bag.advice)
     if rospy.get_param("~recorded", False):
         wait_for_listener(rospy.resolve_name("odometry"), rospy.resolve_name("record_outputs"))
     if transport is not None:

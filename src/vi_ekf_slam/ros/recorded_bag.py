@@ -36,7 +36,7 @@ class RecordedBag:
     time for which the front end then waits for a gyro.
     inputs: {topic: class of its messages, or None where only a plugin knows it}. played: topics to be played. end: time
     at which that part ends, after duration (s). goal: header stamp of the last features (or left image), or None; without frames nothing says
-    that the node is done: it may hold the last samples back for what could be late.
+    that the node is done: it may hold the last samples back for what could be late. advice: what to start it with instead, or empty.
     """
 
     def __init__(self, path, node, start, duration, transport=None, gyro_wait_s=0.0):
@@ -73,6 +73,7 @@ class RecordedBag:
         self.played = sorted(
             topic for topic, callers in recorders.items()
             if topic in self.inputs or not (topic in outputs or topic.startswith(node + "/") or callers == {node}))
+        self.advice = "" if self.is_from_images else self._advice(recorders)
         self.unheard = [topic for topic in self.played if topic not in self.inputs]
         self._check_kinds(bag)
         first, last = _span(bag)
@@ -89,6 +90,15 @@ class RecordedBag:
         body = "imu" if rospy.resolve_name("imu") in recorders else "left/camera_info"  # a camera alone
         self.imu_frame = next((message.header.frame_id for _, message, _ in
                                bag.read_messages([rospy.resolve_name(body)])), None)
+
+    def _advice(self, topics):
+        """What to start so that the pictures of a bag without features are used; empty: nothing."""
+        for ending in ("", "/compressed"):
+            images = [rospy.resolve_name(name) + ending for name in IMAGES]
+            if self.frames[0] not in topics and all(topic in topics for topic in images):
+                return ("%s: no %s in it; front_end:=true%s makes them of %s" %
+                        (self.path, self.frames[0], " image_transport:=compressed" if ending else "", " and ".join(images)))
+        return ""
 
     def _check_kinds(self, bag):
         """The player would wait for ever for a listener to a topic of another type. ROS compares the checksums."""

@@ -6,6 +6,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Imu
 from std_msgs.msg import String
 
+from vi_ekf_slam.msg import StereoFeatureArray
 from vi_ekf_slam.ros.recorded_bag import PlayError, RecordedBag
 
 
@@ -31,6 +32,18 @@ def test_pictures_alone_are_played_to_the_front_end(pictures):
         info.header.frame_id = "left_camera_optical"
         more.write("/left/camera_info", info, rospy.Time(3))
     assert RecordedBag(pictures, "/slam", 0.0, 0.0, "compressed").imu_frame == "left_camera_optical"
+
+
+def test_pictures_that_nobody_would_use_are_told_of(pictures):
+    with rosbag.Bag(pictures, "a") as bag:
+        bag.write("/imu", Imu(), rospy.Time(1))
+    assert RecordedBag(pictures, "/slam", 0.0, 0.0).advice == (
+        "%s: no /features in it; front_end:=true image_transport:=compressed makes them of /left/image/compressed and "
+        "/right/image/compressed" % pictures)
+    assert RecordedBag(pictures, "/slam", 0.0, 0.0, "compressed").advice == ""
+    with rosbag.Bag(pictures, "a") as bag:
+        bag.write("/features", StereoFeatureArray(), rospy.Time(1))
+    assert RecordedBag(pictures, "/slam", 0.0, 0.0).advice == ""
 
 
 def test_pictures_of_which_none_would_go_on_are_refused(pictures):

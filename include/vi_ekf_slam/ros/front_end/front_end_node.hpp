@@ -36,7 +36,9 @@ class FrontEndNode {
   template <typename Message>
   void listen(const std::string& topic, void (ImageIntake::*add)(const Message&));
   void run();
+  bool takeIn(double wait_s);
   void work();
+  bool hasEnded() const;
   void publish(const StereoFeatureArray& features);
   void draw(const StereoImages& images, const FrontEnd& front_end);
   void report();
@@ -49,6 +51,8 @@ class FrontEndNode {
   ros::Publisher features_;
   FrontEndDiagnostics diagnostics_;
   std::map<std::string, std::uint64_t> warned_;
+  WorkQueue::Clock::time_point last_input_ = WorkQueue::Clock::now();
+  ros::Time time_of_last_input_;
   WorkQueue::Clock::time_point last_report_ = WorkQueue::Clock::now(), last_warning_ = last_report_;
   WorkQueue queue_{{0.0, 100000}};
   std::vector<ros::Subscriber> subscribers_;

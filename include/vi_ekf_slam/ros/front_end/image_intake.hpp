@@ -56,6 +56,8 @@ class ImageIntake {
   bool processNext() { return process(pairing_.pop()); }
   /// Processes the newest one, and gives up those before it.
   bool processNewest() { return process(pairing_.popNewest()); }
+  /// Processes the oldest one for which the gyro has not come far enough: nothing more comes, for now.
+  bool processWaiting();
   /// The data are over: nothing waits any longer.
   void close() { pairing_.close(); }
 
@@ -108,7 +110,8 @@ class ImageIntake {
   ImagePairing pairing_;
   ImageDecoder decoder_;
   PairCalibration calibration_;
-  bool waits_for_rotation_;     ///< pairs do, for how the camera sits on the IMU
+  bool waits_for_rotation_; ///< pairs do, for how the camera sits on the IMU
+  bool gyro_has_begun_ = false;
   std::deque<ImuSample> early_; ///< before the front end was there
   std::unique_ptr<FrontEnd> front_end_;
   Counts counts_;

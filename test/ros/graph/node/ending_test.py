@@ -15,6 +15,11 @@ from node_runner import START, NodeRunner, bound_files
 from vi_ekf_slam.srv import SaveMap
 
 
+def ignore_hangup():
+    """As nohup does."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 class Ending(NodeRunner):
     """A node of its own for each signal."""
 
@@ -63,6 +68,16 @@ class Ending(NodeRunner):
     def test_sighup(self):
         """The terminal is closed."""
         self.check_signal(signal.SIGHUP)
+
+    def test_started_by_nohup_it_outlives_the_terminal(self):
+        """And ends as it does otherwise."""
+        node = self.start_node(ignore_hangup, output_dir=self.output, autosave_period=0)
+        node.send_signal(signal.SIGHUP)
+        self.play_and_hear()
+        self.assertIsNone(node.poll())
+        node.send_signal(signal.SIGTERM)
+        self.assertEqual(0, node.wait(20))
+        self.assertEqual(31, self.poses())
 
     def test_sigkill_loses_the_last_period_only(self):
         """What was computed a period before is there, and whole."""

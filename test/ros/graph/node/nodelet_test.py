@@ -79,6 +79,10 @@ class NodeletTest(NodeRunner):
         """kill, system shutdown."""
         self.check_signal(signal.SIGTERM)
 
+    def test_sighup_saves_what_the_node_saves(self):
+        """The terminal is closed."""
+        self.check_signal(signal.SIGHUP)
+
     def test_sigint_saves_what_the_node_saves(self):
         """Control-C, roslaunch."""
         self.check_signal(signal.SIGINT)
