@@ -59,8 +59,12 @@ def main(argv=None):
                 cases = figures(json.load(stream))
         else:
             cases = measure(options.program, options.filter)
-    except (OSError, subprocess.CalledProcessError, ValueError) as reason:
+    except (OSError, subprocess.CalledProcessError) as reason:
         print("error: %s" % reason, file=sys.stderr)
+        return 2
+    except (ValueError, KeyError, TypeError):  # growth_benchmark writes nothing where it has no case
+        print("error: %s, allowed: a report of growth_benchmark" % (
+            "%s is none" % options.json if options.json else "--filter is '%s' and gave none" % options.filter), file=sys.stderr)
         return 2
     print("\n".join(table(cases)))
     return 0

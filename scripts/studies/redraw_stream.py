@@ -59,6 +59,9 @@ def main(argv=None):
                         help="noise of the IMU to add, in that which it has; its densities become those of both (default: %(default)s)")
     options = parser.parse_args(argv)
     try:
+        for name, value in (("--seed", options.seed), ("--imu-noise", options.imu_noise)):
+            if not 0.0 <= value < np.inf:
+                raise InputError("%s is %g, allowed: 0 or more" % (name, value))
         check_output(options.output, options.stream)
         with np.load(options.stream, allow_pickle=False) as stream:
             np.savez(options.output, **redrawn({key: stream[key] for key in stream.files}, options.seed, options.imu_noise))

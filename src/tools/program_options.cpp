@@ -11,6 +11,19 @@ namespace {
 
 constexpr char kSurplus[] = "surplus"; // words that belong to no option
 
+/// The words behind the program's name, "--name=" as "--name" and an empty one, which Boost takes for nothing
+/// but that.
+std::vector<std::string> withEmptyValues(int argc, const char* const* argv) {
+  std::vector<std::string> words;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool is_empty = word.rfind("--", 0) == 0 && word.find('=') == word.size() - 1;
+    words.push_back(is_empty ? word.substr(0, word.size() - 1) : word);
+    if (is_empty) words.emplace_back();
+  }
+  return words;
+}
+
 } // namespace
 
 po::variables_map parseOptions(int argc, const char* const* argv, const po::options_description& known,
@@ -23,7 +36,12 @@ po::variables_map parseOptions(int argc, const char* const* argv, const po::opti
   constexpr int kStyle = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
   po::variables_map values;
   try {
-    po::store(po::command_line_parser(argc, argv).options(all).positional(words).style(kStyle).run(), values);
+    po::store(po::command_line_parser(withEmptyValues(argc, argv))
+                  .options(all)
+                  .positional(words)
+                  .style(kStyle)
+                  .run(),
+              values);
     if (values.count(kSurplus) > 0)
       throw UsageError("unknown argument '" + values[kSurplus].as<std::vector<std::string>>().front() + "'");
     po::notify(values);

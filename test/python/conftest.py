@@ -37,6 +37,15 @@ def data_file(name):
     return path
 
 
+def dead_reckon(stamps, linear_velocity, angular_velocity):
+    """Poses world_T_imu (T, 4, 4) from (T,) s and (3, T) m/s and rad/s, the first the identity: the sample at k held until k + 1."""
+    from vi_ekf_slam.common.geometry import se3_exp  # after pytest_configure has told whether it is there
+    poses = [np.eye(4)]
+    for dt, twist in zip(np.diff(stamps), np.vstack([linear_velocity, angular_velocity]).T):
+        poses.append(poses[-1] @ se3_exp(dt * twist))
+    return np.array(poses)
+
+
 Ended = namedtuple("Ended", "returncode stdout stderr")
 
 

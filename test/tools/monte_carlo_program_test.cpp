@@ -26,6 +26,17 @@ SeedResult driveOf(double nees) {
   return result;
 }
 
+TEST(ProgramOptions, AnEmptyValueMayFollowTheEqualSign) {
+  std::string topic = "/imu", config;
+  boost::program_options::options_description known;
+  known.add_options()("imu", boost::program_options::value(&topic))("config",
+                                                                    boost::program_options::value(&config));
+  const std::vector<const char*> words = {"run_bag", "--imu=", "--config=a=b="};
+  parseOptions(static_cast<int>(words.size()), words.data(), known);
+  EXPECT_EQ(topic, "");
+  EXPECT_EQ(config, "a=b=");
+}
+
 TEST(MonteCarloOptions, AreTakenInEitherForm) {
   const MonteCarloOptions options =
       parse({"--seeds", "7", "--first-seed=3", "--motion", "process", "--set", "duration=12", "--set=speed=5",

@@ -169,6 +169,6 @@ def _write(options, dataset, repair, truth):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
-    options = make_parser().parse_args(argv)
+    options = make_parser().parse_intermixed_args(argv)
     with signals_unwind():
         return exit_status(convert, options, source=options.input)

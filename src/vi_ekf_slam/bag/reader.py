@@ -6,9 +6,8 @@ import numpy as np
 from vi_ekf_slam.bag.connections import STATIC_TOPIC
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag, read_header
-from vi_ekf_slam.bag.transforms import chain, root
-from vi_ekf_slam.common.geometry import make_transform, quaternion_to_rotation
-from vi_ekf_slam.rig_check.topics import TYPES, assign
+from vi_ekf_slam.bag.topics import TYPES, assign
+from vi_ekf_slam.bag.transforms import chain, matrix_of, root
 
 # Arguments of slam.launch whose topics say when the frames were, and which is the camera's frame; the first that is there.
 # A driver may publish camera_info but once.
@@ -60,9 +59,12 @@ def read_reference(path, imu=None):
 
 
 def _read_path(message):
-    poses = [_matrix(p.pose.position, p.pose.orientation) for p in message.poses]
+    poses = [matrix_of(p.pose) for p in message.poses]
     if not poses:
         return None
+    bad = next((p.pose for p, pose in zip(message.poses, poses) if pose is None), None)
+    if bad is not None:
+        raise ValueError("a pose of the truth is none: %s, allowed: finite, with a quaternion of norm 1" % " ".join(str(bad).split()))
     return np.array([p.header.stamp.to_sec() for p in message.poses]), np.array(poses)
 
 
@@ -75,12 +77,3 @@ def _above(transforms, camera):
 
 def _extrinsic(transforms, camera, imu):
     return None if camera is None or imu is None else chain(transforms, camera, imu)
-
-
-def _matrix(position, quaternion):
-    q = [quaternion.x, quaternion.y, quaternion.z, quaternion.w]
-    if not abs(np.linalg.norm(q) - 1.0) < 1e-3:
-        raise ValueError("a pose has the quaternion %s, allowed: norm 1" % q)
-    if not np.isfinite([position.x, position.y, position.z]).all():
-        raise ValueError("a pose has a position that is not finite")
-    return make_transform(quaternion_to_rotation(q), [position.x, position.y, position.z])

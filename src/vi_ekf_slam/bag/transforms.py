@@ -14,18 +14,25 @@ def root(parents, frame):
     return frame
 
 
+def matrix_of(pose):
+    """4 x 4 of a geometry_msgs/Transform or Pose; None for what is none (not finite, no unit quaternion)."""
+    p, q = (pose.translation, pose.rotation) if hasattr(pose, "translation") else (pose.position, pose.orientation)
+    quaternion, position = [q.x, q.y, q.z, q.w], [p.x, p.y, p.z]
+    if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3 or not np.isfinite(position).all():
+        return None
+    return make_transform(quaternion_to_rotation(quaternion), position)
+
+
 def chain(transforms, target, source):
     """target_T_source (4 x 4) through geometry_msgs/TransformStamped in either direction; None where nothing connects the frames.
 
-    What is no transform (not finite, no unit quaternion) is passed over. A leading slash of a frame means nothing.
+    What is no transform (matrix_of) is passed over. A leading slash of a frame means nothing.
     """
     edges = {}
     for t in transforms:
-        q, p = t.transform.rotation, t.transform.translation
-        quaternion, position = [q.x, q.y, q.z, q.w], [p.x, p.y, p.z]
-        if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3 or not np.isfinite(position).all():
+        parent_T_child = matrix_of(t.transform)
+        if parent_T_child is None:
             continue
-        parent_T_child = make_transform(quaternion_to_rotation(quaternion), position)
         parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
         edges.setdefault(child, []).append((parent, parent_T_child))
         edges.setdefault(parent, []).append((child, inverse(parent_T_child)))

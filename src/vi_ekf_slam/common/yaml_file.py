@@ -2,7 +2,7 @@
 
 import yaml
 
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 
 
 def read_yaml(path):
@@ -15,7 +15,7 @@ def read_yaml(path):
             text = stream.read()
             return yaml.safe_load("#" + text if text.startswith("%YAML:") else text)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, " ".join(str(reason).split())))
+        raise unreadable(path, reason)
 
 
 def read_mapping(path, allowed="`key: value` lines"):

@@ -4,6 +4,8 @@ Features are handled as a list of frames, each a pair (ids (N,) int64, pixels (4
 comes from a seed. Truth is a pair (stamps, poses) as truth.load_truth gives it: IMU poses at the frames' own stamps.
 """
 
+from collections import Counter
+
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
@@ -40,26 +42,19 @@ def cut_to(dataset, ids, count):
 
 def keep_tracks(frames, every):
     """Every `every`-th track, counted in the order in which they appear."""
-    rank = {}
-    for ids, _ in frames:
-        for number in ids:
-            rank.setdefault(number, len(rank))
+    rank = {number: k for k, number in enumerate(dict.fromkeys(number for ids, _ in frames for number in ids))}
     return _select(frames, lambda number, k: rank[number] % every == 0)
 
 
 def cut_tracks(frames, longest=None, drop_last=0.0):
     """Take the tracks' ends away: all after the first `longest` observations, and the share `drop_last` of each."""
-    length = {}
-    for ids, _ in frames:
-        for number in ids:
-            length[number] = length.get(number, 0) + 1
+    length, seen = Counter(number for ids, _ in frames for number in ids), Counter()
     kept = {number: max(1, int(np.ceil((1.0 - drop_last) * n - 1e-9))) for number, n in length.items()}
     if longest is not None:
         kept = {number: min(n, longest) for number, n in kept.items()}
-    seen = {}
 
     def is_kept(number, _):
-        seen[number] = seen.get(number, 0) + 1
+        seen[number] += 1
         return seen[number] <= kept[number]
     return _select(frames, is_kept)
 

@@ -14,7 +14,7 @@ import zlib
 
 import numpy as np
 
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 
 MAX_HEADER_BYTES = 65535  # an .npy header has about 100
 # What zipfile, the decompressors and numpy's header parser raise on damaged or exotic members.
@@ -44,7 +44,7 @@ class NpzReader:
         except zipfile.BadZipFile as reason:
             raise InputError("%s: not a complete .npz (zip) archive: %s" % (path, reason))
         except DAMAGE as reason:
-            raise InputError("%s: cannot be read: %s" % (path, reason))
+            raise unreadable(path, reason)
 
     def __enter__(self):
         return self

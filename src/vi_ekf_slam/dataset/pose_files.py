@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 from vi_ekf_slam.common import checks
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 from vi_ekf_slam.common.geometry import (make_transform, nearest_rotation, quaternion_to_rotation, rotation_error,
                                          rotation_to_quaternion)
 
@@ -23,7 +23,8 @@ def read_pose_file(path):
     rows, lines = _read_rows(path)
     if rows.shape[1] == KITTI_COLUMNS:
         return None, _kitti_poses(path, rows, lines)
-    return _tum_stamps(path, rows, lines), _tum_poses(path, rows, lines)
+    return _tum_stamps(path, rows, lines), quaternions_to_poses(rows[:, 4:], rows[:, 1:4],
+                                                                lambda k: "%s: line %d" % (path, lines[k]))
 
 
 def read_tum(path):
@@ -46,8 +47,12 @@ def kitti_line(pose):
     return " ".join("%.12g" % n for n in np.ravel(pose[:3]))
 
 
-def quaternions_to_poses(quaternions, positions):
-    """(N, 4) x y z w, not zero, and (N, 3) -> poses (N, 4, 4)."""
+def quaternions_to_poses(quaternions, positions, place):
+    """(N, 4) x y z w and (N, 3) -> poses (N, 4, 4). place(k): how an InputError names row k, whose norm is not 1."""
+    norms = np.linalg.norm(quaternions, axis=1)
+    bad = int(np.argmax(np.abs(norms - 1.0)))
+    if abs(norms[bad] - 1.0) > ROTATION_TOLERANCE:
+        raise InputError("%s has a quaternion of norm %.6g, allowed: 1 within %g" % (place(bad), norms[bad], ROTATION_TOLERANCE))
     poses = np.tile(np.eye(4), (len(positions), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = quaternion_to_rotation(quaternions), positions
     return poses
@@ -78,7 +83,7 @@ def _read_rows(path):
     except UnicodeDecodeError:
         raise InputError("%s: is not a text file in UTF-8, allowed: 12 (KITTI) or 8 (TUM) numbers a line" % path)
     except OSError as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason.strerror))
+        raise unreadable(path, reason)
     if not rows:
         raise InputError("%s: holds no pose, allowed: 12 (KITTI) or 8 (TUM) numbers a line" % path)
     return np.array(rows), lines
@@ -112,12 +117,3 @@ def _tum_stamps(path, rows, lines):
     except InputError as reason:
         raise InputError("%s: lines %d to %d: %s" % (path, lines[0], lines[-1], reason))
     return stamps
-
-
-def _tum_poses(path, rows, lines):
-    norms = np.linalg.norm(rows[:, 4:], axis=1)
-    bad = int(np.argmax(np.abs(norms - 1.0)))
-    if abs(norms[bad] - 1.0) > ROTATION_TOLERANCE:
-        raise InputError("%s: line %d has a quaternion of norm %.6g, allowed: 1 within %g"
-                         % (path, lines[bad], norms[bad], ROTATION_TOLERANCE))
-    return quaternions_to_poses(rows[:, 4:], rows[:, 1:4])

@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from vi_ekf_slam.dataset.dead_reckoning import travelled_distance
-
 
 def describe_extrinsic(dataset):
     """One sentence on the extrinsic's key and reading."""
@@ -37,7 +35,7 @@ def summarise(dataset, repair, repaired):
         "drive: %s" % dataset.name,
         "frames: %d in %.3f s, %.2f Hz" % (dataset.frames, dataset.duration, (dataset.frames - 1) / dataset.duration),
         "distance: %.1f m by dead reckoning"
-        % travelled_distance(dataset.stamps, dataset.linear_velocity),
+        % np.sum(np.diff(dataset.stamps) * np.linalg.norm(dataset.linear_velocity[:, :-1], axis=0)),
         "extrinsic: %s" % describe_extrinsic(dataset),
     ]
     if repair is None:

@@ -28,10 +28,7 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
     if body is None:
         body = "left_camera" if stamps is None else "imu"
     if stamps is None:
-        if len(poses) > len(frame_stamps):
-            raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive"
-                             % (path, len(poses), len(frame_stamps)))
-        stamps = frame_stamps[: len(poses)]
+        stamps = stamps_of_rows(path, poses, frame_stamps)
     else:
         inside = (stamps >= frame_stamps[0] - STAMP_TOLERANCE) & (stamps <= frame_stamps[-1] + STAMP_TOLERANCE)
         if not inside.any():
@@ -43,6 +40,13 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
             raise InputError("%s: holds poses of the left camera, and the drive has no extrinsic to the IMU" % path)
         poses = poses @ cam_T_imu
     return stamps, inverse(poses[0]) @ poses if anchored else poses
+
+
+def stamps_of_rows(path, poses, frame_stamps):
+    """Those of the frames to which the rows of a KITTI file belong; there may be fewer rows than frames."""
+    if len(poses) > len(frame_stamps):
+        raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive" % (path, len(poses), len(frame_stamps)))
+    return frame_stamps[:len(poses)]
 
 
 def sample_poses(stamps, poses, query):

@@ -8,7 +8,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import so3_log
 from vi_ekf_slam.dataset.truth import MAX_GAP, STAMP_TOLERANCE, sample_poses
 from vi_ekf_slam.evaluation.consistency import nees, pose_errors
-from vi_ekf_slam.evaluation.gauge import errors_after_yaw_alignment, frame_change
+from vi_ekf_slam.evaluation.gauge import differences_of_up, errors_after_yaw_alignment, frame_change
 from vi_ekf_slam.evaluation.metrics import (NO_RELATIVE_ERRORS, absolute_trajectory_error, anchored_errors, distances,
                                             kitti_segments, left_camera_poses, mean_kitti_errors, pairs_ahead,
                                             relative_pose_errors, rigid_alignment)
@@ -18,7 +18,7 @@ SPARSE = 1.5  # times the trajectory's step: between 1, equal rates whose stamps
 LEAST_TURN = 0.1  # rad; less may be the error of an estimate of a body that truly never turns, as only simulated ones do
 
 Evaluation = namedtuple("Evaluation", "ate kitti matched body anchored way distance error segments rpe "
-                                      "ate_yaw orientation truth_step sections covered positions_only")
+                                      "ate_yaw orientation tilt truth_step sections covered positions_only")
 Evaluation.__doc__ = """Errors of one trajectory.
 
 ate: m, RMSE of the positions after rigid alignment. kitti: metrics.KittiErrors. matched: number M of poses compared.
@@ -26,9 +26,10 @@ body: whose positions, as text. anchored: m, RMSE of `error`. way: m, length of 
 distance, error (M,): m of true path up to each pose, and its position error in m when the first poses coincide.
 segments: of metrics.kitti_segments. rpe: {"frame", "second", "metre": metrics.RelativeErrors} over one frame,
 RPE_SECONDS and RPE_METRES of true path. ate_yaw m, orientation deg: RMSE over the IMU's poses after alignment by yaw and
-position, or None where gravity says nothing. truth_step: s between true poses where these are sparse, see match, or None.
+position; tilt rad: median angle between what is upwards by both; all None where gravity says nothing.
+truth_step: s between true poses where these are sparse, see match, or None.
 sections (M,): of truth_sections; way, distance, segments and rpe leave out what spans a gap. covered: s within them.
-positions_only: the truth has no orientations: error and anchored are nan, segments and rpe empty, orientation None.
+positions_only: the truth has no orientations: error and anchored are nan, segments and rpe empty, orientation and tilt None.
 """
 
 Match = namedtuple("Match", "stamps estimate truth rows")
@@ -52,7 +53,10 @@ def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose", positions_only=
     """
     matched, estimate, true_poses, _ = match(stamps, poses, truth)
     sections = truth_sections(truth[0], matched)
-    yaw_errors = (None, None) if gauge == "pose" else errors_after_yaw_alignment(estimate, true_poses)
+    yaw_errors = (None, None, None)
+    if gauge != "pose":
+        tilt = float(np.median(differences_of_up(estimate, true_poses)))
+        yaw_errors = errors_after_yaw_alignment(estimate, true_poses) + (tilt,)
     body = "IMU"
     if cam_T_imu is not None:
         estimate, true_poses = (left_camera_poses(p, cam_T_imu) for p in (estimate, true_poses))
@@ -64,7 +68,7 @@ def evaluate(stamps, poses, truth, cam_T_imu=None, gauge="pose", positions_only=
            for name, values, delta in (("frame", frames, 1), ("second", matched, RPE_SECONDS),
                                        ("metre", distance, RPE_METRES))}
     if positions_only:
-        error, segments, yaw_errors = np.full(len(error), np.nan), segments[:0], (yaw_errors[0], None)
+        error, segments, yaw_errors = np.full(len(error), np.nan), segments[:0], (yaw_errors[0], None, None)
         rpe = dict.fromkeys(rpe, NO_RELATIVE_ERRORS)
     return Evaluation(absolute_trajectory_error(estimate, true_poses), mean_kitti_errors(segments), len(estimate), body,
                       float(np.sqrt(np.mean(error**2))), float(distance[-1]), distance, error, segments, rpe,
@@ -93,14 +97,15 @@ def lacks_orientations(poses, truth_poses):
 
 
 def match(stamps, poses, truth):
-    """The Match of an estimate and the truth, not empty: at the estimate's stamps, as far as the truth reaches them.
+    """The Match of an estimate and the truth, of two poses at least: at the estimate's stamps, as far as the truth reaches them.
 
     Where the truth is sparse it is at the truth's stamps: between poses a second apart a straight line is not the truth.
     """
     found = _pair(stamps, poses, truth)
-    if not len(found.stamps):
-        raise InputError("the truth, %.3f to %.3f s, does not meet the trajectory, %.3f to %.3f s"
-                         % (truth[0][0], truth[0][-1], stamps[0], stamps[-1]))
+    if len(found.stamps) < 2:  # one pose alone is right after any alignment
+        raise InputError("the truth, %.3f to %.3f s, %s the trajectory, %.3f to %.3f s" % (
+            truth[0][0], truth[0][-1], "shares one pose, of at least two that are needed, with" if len(found.stamps)
+            else "does not meet", stamps[0], stamps[-1]))
     return found
 
 

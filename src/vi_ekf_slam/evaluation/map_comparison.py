@@ -126,6 +126,10 @@ def compare_maps(options):
     selected = [m.select(tracks, options.least) for m in maps]
     limits = view_limits([m.trajectory for m in maps], landmarks=np.vstack([positions for positions, _ in selected]))
     zoom = zoom_limits(options.zoom, maps, selected, limits)
+    for run, m, (positions, _) in zip(options.runs, maps, selected):
+        if len(m.positions) and not len(positions):
+            raise InputError("%s: of its %d landmarks none was seen in %d frames of %s, allowed: runs over that bag, and a smaller --least"
+                             % (run, len(m.positions), options.least, options.bag))
     with replacing(options.output) as stream:
         draw(maps, names, selected, limits, zoom).savefig(stream, format="png", bbox_inches="tight")
     print("wrote: %s" % options.output)
@@ -148,4 +152,4 @@ def main(argv=None):
     parser.add_argument("--least", metavar="FRAMES", type=int, default=LEAST_FRAMES,
                         help="leave landmarks out that were seen in fewer frames (default: %(default)s)")
     parser.add_argument("--output", metavar="PNG", default="maps.png", help="picture to write (default: %(default)s)")
-    return exit_status(compare_maps, parser.parse_args(argv))
+    return exit_status(compare_maps, parser.parse_intermixed_args(argv))

@@ -114,11 +114,6 @@ def mean_kitti_errors(segments):
     return KittiErrors(100.0 * t_rel, 100.0 * np.degrees(r_rel), len(segments))
 
 
-def kitti_errors(estimate, truth, lengths=KITTI_LENGTHS, step=KITTI_STEP):
-    """KittiErrors, averaged over all sub-sequences of kitti_segments."""
-    return mean_kitti_errors(kitti_segments(estimate, truth, lengths, step))
-
-
 def left_camera_poses(world_T_imu, cam_T_imu):
     """World_T_imu (N, 4, 4) -> poses of the left camera in its own first frame, as in KITTI's pose files.
 

@@ -11,8 +11,8 @@ from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, write_text
 from vi_ekf_slam.common.stop_signals import signals_unwind
 from vi_ekf_slam.dataset.truth import BODIES, MAX_GAP
-from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations, match
-from vi_ekf_slam.evaluation.gauge import GAUGES, differences_of_up
+from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations
+from vi_ekf_slam.evaluation.gauge import GAUGES
 from vi_ekf_slam.evaluation.pictures import (
     COMPARISON_PICTURES,
     RUN_PICTURES,
@@ -61,7 +61,7 @@ def make_parser():
                              "each DIR itself; a trajectory file then only appears in the table and in the comparison)")
     parser.add_argument("--streams", metavar="FOLDER",
                         help="instead of runs: take each .npz of FOLDER (simulated IMU, stereo points and truth) through "
-                             "run_bag from the state that it gives, and print its errors beside OpenVINS'")
+                             "run_bag from the state that it gives, and print its errors, beside OpenVINS' where these are known")
     parser.add_argument("--config", metavar="FILE",
                         help="for --streams: the configuration (default: config/default.yaml, with the IMU's calibration)")
     parser.add_argument("--no-plots", action="store_true", help="no pictures")
@@ -78,6 +78,7 @@ def run_evaluation(options):
     """Do what the parsed options ask; InputError when something is refused."""
     if bool(options.runs) == bool(options.streams):
         raise InputError("%s given, allowed: DIR ... or --streams FOLDER" % ("both are" if options.runs else "nothing is"))
+    _refuse_in_vain(options)
     if options.streams:
         from vi_ekf_slam.evaluation.stream_study import study_streams
         study_streams(options)
@@ -114,6 +115,17 @@ def run_evaluation(options):
                 _write_json(common, {"runs": runs, "definitions": DEFINITIONS})
 
 
+def _refuse_in_vain(options):
+    """InputError for an option that says nothing of what is asked for."""
+    parser = make_parser()
+    for name, value in vars(options).items():
+        is_of_streams = name in ("streams", "config")
+        if name not in ("runs", "output") and is_of_streams != bool(options.streams) and value != parser.get_default(name):
+            raise InputError("--%s is given, allowed %s --streams" % (name.replace("_", "-"), "with" if is_of_streams else "without"))
+    if options.trajectory_body and all(os.path.isdir(run) for run in options.runs):
+        raise InputError("--trajectory-body is given, allowed for trajectory files; a directory says whose poses it holds")
+
+
 def _for_each(values, runs, option, shared=True):
     """One of `values` for each run: as many as runs, none, or, where `shared`, one for all."""
     if len(values) == len(runs):
@@ -139,7 +151,10 @@ def _judge(path, name, bag, truth_file, body, options):
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
     truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
     subject.truth, subject.cam_T_imu = of_body(truth, reference, subject.summary)
-    return judge_subject(subject)
+    try:
+        return judge_subject(subject)
+    except InputError as reason:
+        raise InputError("%s: %s" % (path, reason))
 
 
 def judge_subject(subject):
@@ -186,12 +201,9 @@ def _remarks(results):
         if result.slam.positions_only:
             yield ("%s: the truth has one orientation throughout, but the trajectory turns: its positions alone are compared, as "
                    "the %s's" % (subject.name, result.slam.body))
-        elif subject.gauge != "pose":
-            found = match(subject.stamps, subject.poses, subject.truth)
-            tilt = float(np.median(differences_of_up(found.estimate, found.truth)))
-            if tilt > OTHER_UP:
-                yield ("%s: upwards is %.0f deg off the truth's, in the median: is z of the truth's world upwards (else --gauge pose), are "
-                       "its poses the IMU's (--truth-body), and its quaternions x y z w?" % (subject.name, np.degrees(tilt)))
+        elif subject.gauge != "pose" and result.slam.tilt > OTHER_UP:
+            yield ("%s: upwards is %.0f deg off the truth's, in the median: is z of the truth's world upwards (else --gauge pose), are "
+                   "its poses the IMU's (--truth-body), and its quaternions x y z w?" % (subject.name, np.degrees(result.slam.tilt)))
         if subject.cam_T_imu is None:
             yield "%s: no bag with an extrinsic, so positions of the IMU are compared; %s" % (
                 subject.name, "%s has no left camera and IMU that /tf_static connects" % subject.bag if subject.bag else
@@ -240,6 +252,6 @@ def _report(pictures, folder):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused, 128 + n after signal n."""
-    options = make_parser().parse_args(argv)
+    options = make_parser().parse_intermixed_args(argv)
     with signals_unwind():
         return exit_status(run_evaluation, options)

@@ -58,12 +58,19 @@ def find_truth(path, body, stamps, reference, gauge="pose"):
     """
     if not path:
         return reference.truth if reference else None
-    is_kitti = read_pose_file(path)[0] is None
-    if is_kitti and reference is None:
+    return _load(path, body, reference, gauge, stamps)
+
+
+def _load(path, body, reference, gauge, stamps=None):
+    """load_truth of a pose file. stamps (N,) s: of the drive, where the file has its own; None: its own."""
+    own = read_pose_file(path)[0]
+    if own is None and reference is None:
         raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag is "
                          "needed for both" % path)
-    return load_truth(path, reference.frame_stamps if is_kitti else stamps,
-                      reference.cam_T_imu if reference else None, body, anchored=gauge == "pose")
+    if own is None:
+        stamps = reference.frame_stamps
+    return load_truth(path, own if stamps is None else stamps, reference.cam_T_imu if reference else None, body,
+                      anchored=gauge in (None, "pose"))
 
 
 def of_body(truth, reference, summary):
@@ -88,7 +95,6 @@ def read_subject(path, name, reference=None, body=None, gauge=None):
     body: whose poses a file holds (truth.BODIES; None: the IMU's in TUM, the left camera's in KITTI). Row k of a KITTI
     file is frame k of the bag. gauge: of gauge.GAUGES; None: as the run's summary says.
     """
-    cam_T_imu = reference.cam_T_imu if reference else None
     if os.path.isdir(path):
         run = read_run(path)
         subject = Subject(name, path, (run.stamps, run.poses))
@@ -98,13 +104,8 @@ def read_subject(path, name, reference=None, body=None, gauge=None):
             subject.smoothed_covariances = read_covariances(os.path.join(path, "covariance_smoothed.csv"), run.smoothed[0])
         subject.frames = read_frames(os.path.join(path, "frames.csv"))
     else:
-        stamps = read_pose_file(path)[0]
-        if stamps is None and reference is None:
-            raise InputError("%s: is in KITTI's format, which has no stamps and holds poses of the left camera: --bag "
-                             "is needed for both" % path)
-        subject = Subject(name, path, load_truth(path, reference.frame_stamps if stamps is None else stamps, cam_T_imu,
-                                                 body, anchored=gauge in (None, "pose")))
-    subject.cam_T_imu = cam_T_imu
+        subject = Subject(name, path, _load(path, body, reference, gauge))
+    subject.cam_T_imu = reference.cam_T_imu if reference else None
     subject.gauge = gauge or gauge_of(subject.summary)
     return subject
 

@@ -1,6 +1,5 @@
 """Read the directory that run_bag writes: trajectories, covariances, frame reports, landmark map and summary."""
 
-import csv
 import os
 
 import numpy as np
@@ -72,26 +71,8 @@ def _read_smoothed(path, trajectory):
 
 def read_landmarks(path):
     """landmarks.csv -> (positions (L, 3) m, covariances (L, 3, 3) m^2). L may be 0."""
-    rows = []
-    try:
-        with open(path, encoding="ascii", newline="") as stream:
-            reader = csv.reader(stream)
-            columns = next(reader, [])
-            if columns != LANDMARK_COLUMNS:
-                raise InputError("%s: line 1 is '%s', allowed: %s" % (path, ",".join(columns)[:80],
-                                                                     ",".join(LANDMARK_COLUMNS)))
-            for row in reader:
-                try:
-                    values = [float(word) for word in row[1:]]
-                except ValueError:
-                    values = []
-                if len(row) != len(LANDMARK_COLUMNS) or not np.all(np.isfinite(values)) or not values:
-                    raise InputError("%s: line %d is '%s', allowed: an id and 9 finite numbers"
-                                     % (path, reader.line_num, ",".join(row)[:80]))
-                rows.append(values)
-    except (OSError, UnicodeDecodeError, csv.Error) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason))
-    table = np.array(rows).reshape(-1, 9)
+    columns = read_columns(path, LANDMARK_COLUMNS, allow_empty=True, finite=True)
+    table = np.column_stack([columns[name] for name in LANDMARK_COLUMNS[1:]])
     return table[:, :3], table[:, [3, 4, 5, 4, 6, 7, 5, 7, 8]].reshape(-1, 3, 3)
 
 
@@ -100,6 +81,8 @@ def read_summary(path):
     if not os.path.exists(path):
         return {}
     summary = read_mapping(path)
+    if not isinstance(summary.get("body"), (str, type(None))):
+        raise InputError("%s: body is %.80r, allowed: a name" % (path, summary["body"]))
     resets = summary.get("poses_before_resets")
     if not isinstance(resets, (list, type(None))):
         raise InputError("%s: poses_before_resets is %.80r, allowed: a list of numbers of poses" % (path, resets))
@@ -115,7 +98,7 @@ def read_covariances(path, stamps):
         return None
     columns = read_columns(path, ["stamp"] + COVARIANCE_COLUMNS)
     if not np.array_equal(columns["stamp"], stamps):
-        raise InputError("%s: its %d stamps are not the %d of trajectory.tum, allowed: a line for each pose"
+        raise InputError("%s: its %d stamps are not the %d of the trajectory, allowed: a line for each pose"
                          % (path, len(columns["stamp"]), len(stamps)))
     result = np.empty((len(stamps), 6, 6))
     for name, row, column in zip(COVARIANCE_COLUMNS, *np.triu_indices(6)):

@@ -11,7 +11,7 @@ import yaml
 from tqdm import tqdm
 
 from vi_ekf_slam.bag import converter
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, replacing, write_text
 from vi_ekf_slam.common.package_files import package_file
@@ -72,7 +72,7 @@ def _read(path):
         with open(path, encoding="utf-8") as stream:
             return stream.read()
     except (OSError, UnicodeDecodeError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, getattr(reason, "strerror", None) or reason))
+        raise unreadable(path, reason)
 
 
 def truth_of(data, drive):

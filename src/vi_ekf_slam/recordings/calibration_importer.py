@@ -107,4 +107,4 @@ def import_calibration(options):
 
 def main(argv=None):
     """Entry point: 0 on success, 2 and one line on stderr when something is refused."""
-    return exit_status(import_calibration, make_parser().parse_args(argv))
+    return exit_status(import_calibration, make_parser().parse_intermixed_args(argv))

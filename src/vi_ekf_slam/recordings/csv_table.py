@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 from vi_ekf_slam.recordings.recording import increasing_rows
 
 
@@ -13,7 +13,7 @@ def read_rows(path):
             rows = [(number, [word.strip() for word in line.split(",")]) for number, line in enumerate(stream, start=1)
                     if line.strip() and not line.lstrip().startswith("#")]
     except (OSError, UnicodeDecodeError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason))
+        raise unreadable(path, reason)
     if not rows:
         raise InputError("%s: holds no line of data" % path)
     return rows

@@ -3,7 +3,7 @@
 import os
 import struct
 
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 PNG_HEAD, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
@@ -18,7 +18,7 @@ def image_size(path):
         with open(path, "rb") as stream:
             data = stream.read()
     except OSError as reason:
-        raise InputError("%s: cannot be read: %s" % (path, reason.strerror))
+        raise unreadable(path, reason)
     try:
         if data.startswith(PNG_HEAD) and data.rstrip(b"\0").endswith(PNG_END):
             return struct.unpack(">II", data[16:24])
@@ -45,7 +45,7 @@ def list_images(folder):
     try:
         names = sorted(os.listdir(folder))
     except OSError as reason:
-        raise InputError("%s: cannot be read: %s" % (folder, reason.strerror))
+        raise unreadable(folder, reason)
     return {os.path.splitext(name)[0]: os.path.join(folder, name) for name in names
             if os.path.splitext(name)[1].lower() in SUFFIXES}
 

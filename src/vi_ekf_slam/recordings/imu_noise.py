@@ -14,6 +14,8 @@ accelerometer_walk m/s^3/sqrt(Hz): continuous-time; rate Hz, at which a sample h
 KEYS = ("gyroscope_noise_density", "gyroscope_random_walk", "accelerometer_noise_density", "accelerometer_random_walk")
 UNITS = ("rad/s/sqrt(Hz)", "rad/s^2/sqrt(Hz)", "m/s^2/sqrt(Hz)", "m/s^3/sqrt(Hz)")
 
+LARGEST = 1e6  # in these units and in Hz: beyond any IMU, and whose squares messages can hold
+
 
 def noise_from_yaml(values, rate_key, path):
     """ImuNoise of the mapping that a calibration file holds. rate_key: its name of the rate in Hz."""
@@ -26,6 +28,8 @@ def noise_from_yaml(values, rate_key, path):
         except (TypeError, ValueError):
             raise InputError("%s: %s is %r, allowed: a number in %s" % (path, key, values[key], unit))
         numbers.append(checks.require_positive(number, "%s: %s" % (path, key), unit))
+        if number > LARGEST:
+            raise InputError("%s: %s is %g %s, allowed: up to %g" % (path, key, number, unit, LARGEST))
     return ImuNoise(*numbers)
 
 

@@ -21,19 +21,19 @@ import numpy as np
 
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import make_transform, nearest_rotation, quaternion_to_rotation
+from vi_ekf_slam.common.geometry import make_transform
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.dataset.loader import MAX_BASELINE, MAX_PIXEL
 from vi_ekf_slam.dataset.npz_reader import NpzReader
 from vi_ekf_slam.dataset.pose_files import quaternions_to_poses
-from vi_ekf_slam.recordings.imu_noise import ImuNoise
+from vi_ekf_slam.recordings.imu_noise import LARGEST, UNITS, ImuNoise
 from vi_ekf_slam.recordings.initial_state import covariance_about_map
 from vi_ekf_slam.recordings.recording import (Features, Imu, InitialState, Recording, rectified_pair, require_increasing)
 
+NOISE_KEYS = ("gyro_density", "gyro_walk", "accel_density", "accel_walk", "imu_rate")  # in the order of ImuNoise
 KEYS = ("imu_t", "imu_gyro", "imu_accel", "cam_t", "frame_ptr", "uv")  # by which the format is known
 SIGMA_STEPS = 64.0  # of sigma_q in a pixel
 WEIGHTS = np.array([2.0, 1.0, 2.0, 1.0]) / 6.0  # of the variances of uL, vL, uR and vR
-QUATERNION_TOLERANCE = 1e-3
 MAX_ID = 2.0**53  # arrays are read as float64, in which ids from there on are no longer told apart
 
 
@@ -48,8 +48,7 @@ def load_inertial_npz(path, max_memory_mb):
         npz = _Checked(path, reader)
         offset = checks.nanoseconds(npz.array("t_offset", ())[()])
         imu_stamps, frame_stamps = npz.stamps("imu_t", offset), npz.stamps("cam_t", offset)
-        noise = ImuNoise(*(npz.positive(key) for key in ("gyro_density", "gyro_walk", "accel_density", "accel_walk",
-                                                         "imu_rate")))
+        noise = ImuNoise(*(npz.positive(key, LARGEST, unit) for key, unit in zip(NOISE_KEYS, UNITS + ("Hz",))))
         imu = Imu(imu_stamps, npz.array("imu_gyro", (len(imu_stamps), 3)), npz.array("imu_accel", (len(imu_stamps), 3)),
                   noise)
         features = _features(npz, frame_stamps)
@@ -57,7 +56,7 @@ def load_inertial_npz(path, max_memory_mb):
         checks.require_intrinsics(intrinsics, "%s: K" % path)
         features, size, shift = _whole_picture(features, npz.image_size())
         intrinsics[:2, 2] += shift
-        baseline = npz.positive("baseline", MAX_BASELINE)
+        baseline = npz.positive("baseline", MAX_BASELINE, "m")
         left, right = rectified_pair(size, intrinsics, baseline)
         truth_stamps = npz.stamps("truth_t", offset)
         truth = truth_stamps, npz.poses("truth_q", "truth_p", len(truth_stamps))
@@ -88,10 +87,10 @@ class _Checked:
         checks.require_finite(array, name)
         return array
 
-    def positive(self, key, limit=np.inf):
-        """A number above zero."""
+    def positive(self, key, limit, unit):
+        """A number above zero, of the unit."""
         value = self.array(key, ())
-        checks.require_within(value.reshape(1), limit, "%s: %s" % (self.path, key), "m")
+        checks.require_within(value.reshape(1), limit, "%s: %s" % (self.path, key), unit)
         return checks.require_positive(float(value), "%s: %s" % (self.path, key))
 
     def image_size(self):
@@ -113,13 +112,8 @@ class _Checked:
 
     def poses(self, quaternion_key, position_key, count):
         """(count, 4, 4)."""
-        quaternions, positions = self.array(quaternion_key, (count, 4)), self.array(position_key, (count, 3))
-        norms = np.linalg.norm(quaternions, axis=1)
-        bad = int(np.argmax(np.abs(norms - 1.0)))
-        if abs(norms[bad] - 1.0) > QUATERNION_TOLERANCE:
-            raise InputError("%s: %s has the norm %.6g at index %d, allowed: 1 within %g"
-                             % (self.path, quaternion_key, norms[bad], bad, QUATERNION_TOLERANCE))
-        return quaternions_to_poses(quaternions, positions)
+        return quaternions_to_poses(self.array(quaternion_key, (count, 4)), self.array(position_key, (count, 3)),
+                                    lambda k: "%s: %s[%d]" % (self.path, quaternion_key, k))
 
 
 def _features(npz, stamps):
@@ -163,9 +157,5 @@ def _initial_state(npz, stamp):
         raise InputError("%s is not symmetric" % name)
     if not np.linalg.eigvalsh(covariance)[0] > 0.0:
         raise InputError("%s has the eigenvalue %g, allowed: all above 0" % (name, np.linalg.eigvalsh(covariance)[0]))
-    norm = np.linalg.norm(state[:4])
-    if abs(norm - 1.0) > QUATERNION_TOLERANCE:
-        raise InputError("%s: init_tight begins with a quaternion of norm %.6g, allowed: 1" % (npz.path, norm))
-    rotation = nearest_rotation(quaternion_to_rotation(state[:4]))
-    return InitialState(stamp, make_transform(rotation, state[4:7]), state[7:10], state[10:13], state[13:16],
-                        covariance_about_map(covariance, rotation))
+    pose = quaternions_to_poses(state[None, :4], state[None, 4:7], lambda _: "%s: init_tight" % npz.path)[0]
+    return InitialState(stamp, pose, state[7:10], state[10:13], state[13:16], covariance_about_map(covariance, pose[:3, :3]))

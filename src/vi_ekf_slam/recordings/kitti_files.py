@@ -6,7 +6,7 @@ import os
 import numpy as np
 
 from vi_ekf_slam.common import checks
-from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.errors import InputError, unreadable
 from vi_ekf_slam.common.geometry import make_transform, nearest_rotation, rotation_error
 from vi_ekf_slam.dataset.pose_files import ROTATION_TOLERANCE
 from vi_ekf_slam.recordings.recording import increasing_rows
@@ -22,7 +22,7 @@ def read_lines(path):
         with open(path, encoding="ascii") as stream:
             lines = [line.strip() for line in stream if line.strip()]
     except (OSError, UnicodeDecodeError) as reason:
-        raise InputError("%s: cannot be read: %s" % (path, getattr(reason, "strerror", None) or reason))
+        raise unreadable(path, reason)
     if not lines:
         raise InputError("%s: is empty" % path)
     return lines

@@ -5,7 +5,8 @@ import numpy as np
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform
-from vi_ekf_slam.dataset.pose_files import ROTATION_TOLERANCE, quaternions_to_poses, read_pose_file
+from vi_ekf_slam.dataset.pose_files import quaternions_to_poses, read_pose_file
+from vi_ekf_slam.dataset.truth import stamps_of_rows
 from vi_ekf_slam.evaluation.gauge import frame_change
 from vi_ekf_slam.recordings.csv_table import read_table
 
@@ -25,13 +26,7 @@ def asl_truth(path, faults):
     faults: of csv_table.read_table.
     """
     stamps, values = read_table(path, 7, faults)
-    quaternions = values[:, [4, 5, 6, 3]]
-    norms = np.linalg.norm(quaternions, axis=1)
-    bad = int(np.argmax(np.abs(norms - 1.0)))
-    if abs(norms[bad] - 1.0) > ROTATION_TOLERANCE:
-        raise InputError("%s: pose %d has a quaternion of norm %.6g, allowed: 1 within %g"
-                         % (path, bad, norms[bad], ROTATION_TOLERANCE))
-    return stamps, quaternions_to_poses(quaternions, values[:, :3])
+    return stamps, quaternions_to_poses(values[:, [4, 5, 6, 3]], values[:, :3], lambda k: "%s: pose %d" % (path, k))
 
 
 def file_truth(path, body, frame_stamps, imu_T_cam, upright):
@@ -43,10 +38,7 @@ def file_truth(path, body, frame_stamps, imu_T_cam, upright):
     stamps, poses = read_pose_file(path)
     is_kitti = stamps is None
     if is_kitti:
-        if len(poses) > len(frame_stamps):
-            raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive"
-                             % (path, len(poses), len(frame_stamps)))
-        stamps = frame_stamps[:len(poses)]
+        stamps = stamps_of_rows(path, poses, frame_stamps)
     else:
         stamps = checks.nanoseconds(stamps)
     if body == "left_camera" or (body is None and is_kitti):

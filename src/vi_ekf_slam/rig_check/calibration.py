@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from vi_ekf_slam.bag.transforms import matrix_of
 from vi_ekf_slam.common.geometry import make_transform, rotation_error
 from vi_ekf_slam.recordings.rig_calibration import PIXEL_TOLERANCE
 
@@ -144,9 +145,11 @@ def check_extrinsic(rig, report):
         return
     left_T_imu = rig.left_T_imu()
     if left_T_imu is None:
-        links = ", ".join(sorted("%s -> %s" % (t.header.frame_id, t.child_frame_id) for t in rig.transforms)) or "none"
+        links = ", ".join(sorted("%s -> %s%s" % (t.header.frame_id, t.child_frame_id,
+                                                 " (not finite, or no unit quaternion)" if matrix_of(t.transform) is None else "")
+                                 for t in rig.transforms)) or "none"
         report.red("no transform from '%s' to '%s'" % (imu, camera), "/tf_static: " + links, "required",
-                   "rosrun tf2_ros static_transform_publisher X Y Z QX QY QZ QW %s %s (where the camera is on the IMU)" % (
+                   "publish it: rosrun tf2_ros static_transform_publisher X Y Z QX QY QZ QW %s %s (where the camera is on the IMU)" % (
                        imu or "IMU_FRAME", camera or "CAMERA_FRAME"))
         return
     rig.cam_T_imu = make_transform(Camera(rig.infos["left"]).R, np.zeros(3)) @ left_T_imu

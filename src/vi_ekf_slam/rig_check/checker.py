@@ -53,8 +53,8 @@ def all_checks():
 
 def make_report(path, name, options):
     """Report of a bag. options: remap, duration, imu_noise, without_load."""
+    from vi_ekf_slam.bag.topics import parse_remappings
     from vi_ekf_slam.rig_check.rig import Rig
-    from vi_ekf_slam.rig_check.topics import parse_remappings
     rig = Rig(path, parse_remappings(options.remap), options.duration)
     rig.noise, rig.noise_path = _noise(options.imu_noise)
     report = Report(name)
@@ -133,7 +133,7 @@ def _write(report, options):
 
 def main(argv=None):
     """Entry point: 0 where nothing is red, 1 where something is, 2 and one line on stderr when the input is refused."""
-    options = make_parser().parse_args(argv)
+    options = make_parser().parse_intermixed_args(argv)
     found = []
     with signals_unwind():
         status = exit_status(lambda: found.append(check(options)), source=" ".join(options.words))

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from vi_ekf_slam.rig_check import topics as names
+from vi_ekf_slam.bag import topics as names
 
 # What a MEMS gyro or accelerometer can say at all: 4000 deg/s and 200 g are beyond the ranges of those that are sold.
 MAX_RATE, MAX_ACCELERATION = 70.0, 2000.0  # rad/s, m/s^2
+MAX_SIGMA = 50.0  # px: a point that is known no better is none
 DEGREES = 180.0 / np.pi
 
 
@@ -52,8 +53,9 @@ def check_numbers(rig, report):
         parts.append(("imu", "linear_acceleration", rig.imu.acceleration, MAX_ACCELERATION, "m/s^2"))
     if rig.velocity is not None:
         parts.append((rig.velocity_name, "twist.linear", rig.velocity, 200.0, "m/s"))
-    if any(len(ids) for ids, _ in rig.frames):
-        parts.append(("features", "pixels", np.concatenate([pixels for _, pixels in rig.frames]), 1e5, "px"))
+    has_features = any(len(ids) for ids, _ in rig.frames)
+    if has_features:
+        parts.append(("features", "a pixel", np.concatenate([pixels for _, pixels in rig.frames]), 1e5, "px"))
     bad_any = False
     for name, field, values, limit, unit in parts:
         bad = ~np.isfinite(values).all(axis=1)
@@ -61,7 +63,7 @@ def check_numbers(rig, report):
         if bad.any():
             bad_any = True
             say = report.red if bad.mean() > 0.01 else report.yellow
-            say("%s is NaN or infinite" % where, "%d of %d (%.2g %%)" % (bad.sum(), len(bad), 100.0 * bad.mean()), "none",
+            say("%s is NaN or infinite" % where, "%d of %d (%.3g %%)" % (bad.sum(), len(bad), 100.0 * bad.mean()), "none",
                 "such messages are dropped: see why the driver sends them")
         beyond = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1, initial=0.0) > limit
         if beyond.mean() > 0.01:
@@ -72,5 +74,26 @@ def check_numbers(rig, report):
                        "up to %.4g %s" % (largest, unit), "%g %s" % (limit, unit),
                        "it must be in rad/s: multiply by pi / 180" if is_in_degrees else
                        "see which unit the driver uses; SI units are required")
-    if not bad_any:
+    if not (has_features and _check_features(rig, report)) and not bad_any:
         report.green("all numbers are finite and possible")
+
+
+def _check_features(rig, report):
+    """Whether something is wrong with what features state: ids that one frame has twice, sigma."""
+    found, topic, sigmas = False, rig.topics["features"], np.concatenate(rig.feature_sigmas)
+    lost = ~(sigmas >= 0.0) | np.isinf(sigmas)
+    beyond = ~lost & (sigmas > MAX_SIGMA)
+    repeated = np.array([len(ids) - len(np.unique(ids)) for ids, _ in rig.frames])
+    for bad, text, figure, limit, advice in (
+            (lost, "sigma of %s is negative, NaN or infinite" % topic, "%d of %d points" % (lost.sum(), len(lost)), "0 px and above",
+             "such points are dropped: state the noise in px, 0 where it is not known"),
+            (beyond, "sigma of %s is beyond what any point has" % topic, "%d of %d points, up to %.4g px" % (
+                beyond.sum(), len(beyond), sigmas[~lost].max(initial=0.0)), "%g px" % MAX_SIGMA,
+             "state the noise of a coordinate in px, 0 where it is not known"),
+            (repeated > 0, "ids repeat within a message of %s" % topic, "%d points in %d of %d messages" % (
+                repeated.sum(), (repeated > 0).sum(), len(repeated)), "none",
+             "of points with one id all but the first are dropped: give each point an id of its own")):
+        if bad.any():
+            found = True
+            (report.red if bad.mean() > 0.01 else report.yellow)(text, figure, limit, advice)
+    return found

@@ -3,10 +3,10 @@
 import threading
 import time
 
+from vi_ekf_slam.bag import topics as names
 from vi_ekf_slam.bag.connections import stored
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.stop_signals import end_if_told
-from vi_ekf_slam.rig_check import topics as names
 
 STATIC = ("/tf_static", "/tf")
 QUEUE = 10000

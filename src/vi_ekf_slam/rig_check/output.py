@@ -26,8 +26,8 @@ def verdict(report):
     if first is None:
         unknown = ", ".join(finding.check for finding in report.of_level(UNJUDGED))
         return "Nothing is wrong with this rig%s." % (", as far as could be judged; not judged: " + unknown if unknown else "")
-    return "%s: %s (%s; allowed: %s). %s." % ("First" if first.level == RED else "Usable; to be better", first.text, first.figure,
-                                              first.limit, first.advice[:1].upper() + first.advice[1:])
+    return "%s: %s (%s; allowed: %s). %s%s" % ("First" if first.level == RED else "Usable; to be better", first.text, first.figure,
+                                               first.limit, first.advice[:1].upper() + first.advice[1:], "" if first.advice.endswith("?") else ".")
 
 
 def text(report, colour=False):

@@ -5,11 +5,11 @@ from collections import namedtuple
 
 import numpy as np
 
+from vi_ekf_slam.bag import topics as names
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import content, open_bag, read_header
 from vi_ekf_slam.bag.transforms import chain
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.rig_check import topics as names
 
 Stream = namedtuple("Stream", "topic stamps received frame_id")
 Stream.__doc__ = """stamps, received (N,) ns, in the order in which they came; frame_id: of the first message."""
@@ -26,7 +26,7 @@ class Rig:
 
     path; given, topics: {argument of slam.launch: topic}, as they were named and all; guessed: those of them that nobody named; present: {topic: type}.
     streams: {argument: Stream}; imu: Imu; velocity (N, 3) m/s; frames: [(ids (M,), pixels (M, 4) uL vL uR vR)];
-    feature_sigmas px: the median of each frame, 0: not stated.
+    feature_sigmas [(M,)] px, 0: not stated.
     repeats: {argument: (N,) bool}, of pictures and features: the message says what the one before said, but for its header.
     infos: {"left", "right": sensor_msgs/CameraInfo}; changed: sides whose calibration changes. transforms: [TransformStamped].
     origin ns: the earliest stamp, which times in s count from.
@@ -56,16 +56,18 @@ class Rig:
     def _read(self, bag, duration):
         readers = {topic: name for name, topic in self.topics.items()}
         wanted = list(readers) + ["/tf_static", "/tf"]
-        begin = min((chunk.start_time.to_sec() for chunk in bag._chunks), default=0.0)
+        end = None
         rows = {name: [] for name in self.topics}
         values = {name: [] for name in self.topics}
         heads, said = {}, {name: [] for name in self.topics if name.endswith("image") or name == "features"}
         for topic, raw, received in bag.read_messages(wanted, raw=True):
-            if duration and received.to_sec() > begin + duration:
-                break
             if topic.startswith("/tf"):
                 self._transforms_of(raw)
                 continue
+            if end is None:  # transforms may have been written at any time before
+                end = received.to_sec() + (duration or np.inf)
+            if received.to_sec() > end:
+                break
             name = readers[topic]
             message = self._message(raw) if not name.endswith("image") else None
             stamp, frame_id = (message.header.stamp.to_nsec(), message.header.frame_id) if message else read_header(raw[1])
@@ -105,7 +107,7 @@ class Rig:
         elif name == "features":
             points = [(f.u_left, f.v_left, f.u_right, f.v_right, f.sigma) for f in message.features]
             table = np.array(points, dtype=float).reshape(-1, 5)
-            self.feature_sigmas.append(float(np.median(table[:, 4])) if points else 0.0)
+            self.feature_sigmas.append(table[:, 4])
             values.append((np.array([f.id for f in message.features], dtype=np.uint64), table[:, :4]))
         elif name.endswith("info"):
             side = name.split("_")[0]
@@ -126,6 +128,13 @@ class Rig:
     def has_acceleration(self):
         """Whether the IMU's messages carry accelerations, as the node judges it."""
         return self.imu is not None and self.imu.acceleration_variance != -1.0 and bool(np.any(self.imu.acceleration))
+
+    @property
+    def stated_sigma(self):
+        """px, the median of what features state of their noise; 0: nothing."""
+        sigmas = np.concatenate(self.feature_sigmas or [np.zeros(0)])
+        stated = sigmas[sigmas >= 0.0]
+        return float(np.median(stated)) if len(stated) else 0.0
 
     @property
     def frame_name(self):

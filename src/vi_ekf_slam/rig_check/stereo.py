@@ -54,7 +54,7 @@ def _judge_features(rig, report):
             100.0 * SWAPPED), "exchange left and right: u_left must be the larger one")
         return
     # A fifth more than noise makes is no longer that.
-    expected = 1.2 * MEDIAN_OF_ROWS * max(PIXEL_SIGMA, float(np.median(rig.feature_sigmas)))
+    expected = 1.2 * MEDIAN_OF_ROWS * max(PIXEL_SIGMA, rig.stated_sigma)
     _say_rows(report, float(np.median(np.abs(rows))), len(rows), "the features are not those of rectified pictures: rectify their pixels "
               "with D, K, R and P of camera_info", expected, max(MAX_ROW, 2.0 * expected))
     _say_noise(rig, rows, report)
@@ -62,7 +62,7 @@ def _judge_features(rig, report):
 
 def _say_noise(rig, rows, report):
     """Whether rows differ by more than the noise that the messages state, as the node judges it (sensors/pair_check.cpp)."""
-    stated, noise = float(np.median(rig.feature_sigmas)), float(np.median(np.abs(rows))) / MEDIAN_OF_ROWS
+    stated, noise = rig.stated_sigma, float(np.median(np.abs(rows))) / MEDIAN_OF_ROWS
     if 0.0 < stated < noise / NOISE_FACTOR and len(rows) >= FEWEST_ROWS:
         report.yellow("pixel noise is larger than stated", "%.2g px by the rows of %d points, stated %.2g px" % (noise, len(rows), stated),
                       "%.2g px" % (NOISE_FACTOR * stated), "state the noise that there is in sigma of the features, or rectify more exactly")

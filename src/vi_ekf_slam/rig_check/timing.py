@@ -45,7 +45,7 @@ def check_stamps(rig, report):
         if repeated.any():
             well = False
             say = report.red if repeated.mean() > 0.01 else report.yellow
-            say("stamps repeat on %s" % stream.topic, "%d of %d (%.2g %%)" % (
+            say("stamps repeat on %s" % stream.topic, "%d of %d (%.3g %%)" % (
                 repeated.sum(), len(steps), 100.0 * repeated.mean()), "none",
                 "the second of two equal stamps is dropped: does the driver stamp by a coarse clock, or do two publish on it?")
     if well:
@@ -163,7 +163,7 @@ def _check_rate(rig, name, stream, steps, usual, report):
     if gaps.any():
         well = False
         say = report.red if lost > 0.1 or steps.max() > MAX_GAP else report.yellow
-        say("%s has gaps" % stream.topic, "%d, the longest %.3g s, %.2g %% of the time" % (gaps.sum(), steps.max(), 100.0 * lost),
+        say("%s has gaps" % stream.topic, "%d, the longest %.3g s, %.3g %% of the time" % (gaps.sum(), steps.max(), 100.0 * lost),
             "%.2g s" % max(limit, 5.0 * usual),
             "messages are lost: is the disk, the USB port or a queue too slow? look at `rostopic hz` with nothing else running")
     if odd.mean() > STUTTER:

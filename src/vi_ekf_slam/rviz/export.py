@@ -83,7 +83,7 @@ def check_frames(options):
 
 def export(options):
     """Do what the parsed options ask; InputError when something is refused."""
-    check_output(options.output)
+    check_output(options.output, options.bag)
     frames, topics = check_frames(options), resolve_topics(options)
     require_positive(options.scale, "--scale")
     config = load_config(shipped_path())

@@ -14,19 +14,12 @@ BACKGROUND, TEXT = (20, 20, 25), (235, 235, 235)
 def path_entries(config):
     """[(name, (red, green, blue))] of the paths that a configuration shows."""
     return [(str(display["Name"]), tuple(int(part) for part in str(display["Color"]).split(";")))
-            for display in displays_of(config)
-            if display["Class"] == "rviz/Path" and display.get("Enabled", True) and "Color" in display]
+            for display in _shown(config, "rviz/Path") if "Color" in display]
 
 
-def grid_cells(config):
-    """[m] of the grids that it shows."""
-    return [display["Cell Size"] for display in displays_of(config)
-            if display["Class"] == "rviz/Grid" and display.get("Enabled", True)]
-
-
-def has_landmarks(config):
-    """Whether it shows landmarks as markers."""
-    return any(display["Class"] == "rviz/MarkerArray" and display.get("Enabled", True) for display in displays_of(config))
+def _shown(config, kind):
+    """The displays of this class that are switched on."""
+    return [display for display in displays_of(config) if display["Class"] == kind and display.get("Enabled", True)]
 
 
 def add_legend(picture, config, size_px=13):
@@ -52,11 +45,11 @@ def _entries(config, size_px):
     """A picture of each."""
     for name, colour in path_entries(config):
         yield _entry([_line(colour), name], size_px)
-    if has_landmarks(config):
+    if _shown(config, "rviz/MarkerArray"):
         yield _entry(["Landmarks, sigma %g m" % SIGMA_GREEN, _bar, "%g m" % SIGMA_RED], size_px)
         yield _entry([_line(LOOPS), "Closed loops"], size_px)
-    for cell in grid_cells(config):
-        yield _entry(["Grid %g m" % cell], size_px)
+    for grid in _shown(config, "rviz/Grid"):
+        yield _entry(["Grid %g m" % grid["Cell Size"]], size_px)
 
 
 def _entry(parts, size_px):

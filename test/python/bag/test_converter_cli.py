@@ -33,6 +33,11 @@ def test_quiet_says_nothing(save, tmp_path):
     assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
+def test_options_may_stand_between_the_files(save, tmp_path):
+    result = script("dataset_to_bag.py", save(drive()), "--keep-stale", tmp_path / "out.bag")
+    assert result.returncode == 0 and (tmp_path / "out.bag").exists(), result.stderr
+
+
 def test_a_malformed_drive(save, tmp_path):
     source = save(drive(features=None))
     refused(script("dataset_to_bag.py", source, tmp_path / "out.bag"), source, "features", "dead reckoning")

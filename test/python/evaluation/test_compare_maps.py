@@ -53,12 +53,14 @@ def test_a_picture_is_drawn(run, bag, tmp_path):
     arguments = [str(run), str(run), "--bag", bag, "--least", "1", "--names", "$^$", "b", "--output", str(output)]
     assert main(arguments) == 0 and is_png(output)
     assert main(arguments + ["--zoom", "0", "0", "20", "--names", "a", "b"]) == 0
+    assert main([str(run), "--least", "1", "--bag", bag, str(run), "--output", str(output)]) == 0
 
 
 @pytest.mark.parametrize("options, message", [
     (["--output", "maps.pdf"], "ends in .png"), (["--names", "a", "b"], "2 names for 1 runs"),
     (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--zoom", "nan", "0", "5"], "--zoom is nan 0 5, allowed: finite"),
     (["--features", "/none"], "has no features on /none; of pictures, run_bag --save-features"),
+    (["--least", "100"], "run: of its 3 landmarks none was seen in 100 frames of "),
     (["--bag", "none.bag"], "no such file")])
 def test_bad_requests_are_refused(run, bag, tmp_path, capsys, options, message):
     assert main([str(run), "--bag", bag, "--output", str(tmp_path / "maps.png")] + options) == 2

@@ -194,7 +194,7 @@ def test_kitti_exports_match_row_by_row(full_run, save, tmp_path):
 def test_several_runs_side_by_side(full_run, bag, tmp_path):
     out = tmp_path / "out"
     other = full_run / "trajectory.tum"
-    done = script("evaluate.py", full_run, other, "--bag", bag, "--name", "first", "--name", "second", "--output", out)
+    done = script("evaluate.py", full_run, "--bag", bag, other, "--name", "first", "--name", "second", "--output", out)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[0].split() == ["run", "first", "first", "second"]
     assert is_png(out / "evaluation_comparison.png") and is_png(out / "evaluation_comparison_drift.png")
@@ -231,8 +231,9 @@ def test_names_tell_runs_apart():
 
 
 def test_refusals_are_one_line(full_run, bag, tmp_path):
-    kitti, far = tmp_path / "kitti.txt", tmp_path / "far.tum"
+    kitti, far, one = tmp_path / "kitti.txt", tmp_path / "far.tum", tmp_path / "one.tum"
     kitti.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    one.write_text(tum(TRUE_POSITIONS).splitlines(True)[0])
     far.write_text("5 0 0 0 0 0 0 1\n6 0 0 0 0 0 0 1\n")
     for arguments, word in (
             ([tmp_path / "none"], "cannot be read"), ([kitti], "--bag is needed"), ([far, "--bag", bag], "does not meet"),
@@ -240,6 +241,10 @@ def test_refusals_are_one_line(full_run, bag, tmp_path):
             ([full_run, "--bag", bag, "--bag", bag], "--bag is given 2 times"), ([full_run, full_run], "--name"),
             ([full_run, "--export-kitti"], "--export-kitti needs --bag"),
             ([full_run, "--truth-body", "imu"], "--truth-body needs --truth"),
+            ([full_run, "--truth", one], " s, shares one pose, of at least two that are needed, with the trajectory"),
+            ([full_run, "--config", kitti], "--config is given, allowed with --streams"),
+            (["--streams", tmp_path, "--gauge", "yaw"], "--gauge is given, allowed without --streams"),
+            ([full_run, "--trajectory-body", "imu"], "--trajectory-body is given, allowed for trajectory files"),
             ([full_run, "--output", full_run / "trajectory.tum"], "cannot be made")):
         done = script("evaluate.py", *arguments)
         assert done.returncode == 2 and done.stdout == "", (arguments, done.stdout)
@@ -275,7 +280,7 @@ def test_frames_without_times_are_drawn_all_the_same(full_run):
     path.write_text(FRAMES + "\n")
     assert read_frames(str(path)) is None
     path.write_text("stamp,features\n1,2\n")
-    with pytest.raises(InputError, match="frames.csv: allowed: .*nis_dof"):
+    with pytest.raises(InputError, match="frames.csv: line 1 is 'stamp,features', .*allowed: .*nis_dof"):
         read_frames(str(path))
 
 

@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
-from conftest import data_file
+from conftest import data_file, dead_reckon
 
 from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
-from vi_ekf_slam.dataset.dead_reckoning import dead_reckon
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.pose_files import read_pose_file
-from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_errors,
-                                            kitti_segments, left_camera_poses, pairs_ahead, relative_pose_errors,
+from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,
+                                            left_camera_poses, mean_kitti_errors, pairs_ahead, relative_pose_errors,
                                             rigid_alignment)
+
+
+def kitti_errors(*arguments, **options):
+    return mean_kitti_errors(kitti_segments(*arguments, **options))
 
 
 def straight_drive(frames, spacing):

@@ -44,7 +44,8 @@ def test_a_run_without_landmarks_is_read(run):
     ("landmarks.csv", "", "line 1"), ("landmarks.csv", "a,b\n", "line 1 is 'a,b'"),
     ("landmarks.csv", HEADER + "\n1,2,3\n", "line 2"), ("landmarks.csv", HEADER + "\n1,x,0,0,1,0,0,1,0,1\n", "line 2"),
     ("landmarks.csv", HEADER + "\n1,0,0,0,1,0,0,inf,0,1\n", "line 2"), ("landmarks.csv", None, "cannot be read"),
-    ("summary.yaml", "a: [\n", "cannot be read"), ("summary.yaml", "- 1\n", "no mapping"),
+    ("summary.yaml", "a: [\n", "cannot be read"), ("summary.yaml", "body: 5\n", "body is 5, allowed: a name"),
+    ("summary.yaml", "- 1\n", "no mapping"),
 ])
 def test_malformed_runs_are_refused(run, name, content, message):
     if content is None:

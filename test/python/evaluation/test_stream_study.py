@@ -13,7 +13,7 @@ from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
 from vi_ekf_slam.common.package_files import package_file
 from vi_ekf_slam.dataset.pose_files import tum_line
 from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS
-from vi_ekf_slam.evaluation.stream_study import calibrated_config, judge, line
+from vi_ekf_slam.evaluation.stream_study import OPENVINS, calibrated_config, checksum, judge, line
 from vi_ekf_slam.recordings.recording import Features, Recording
 
 STAMPS = 1500000000 * 10**9 + 100000000 * np.arange(20)
@@ -71,8 +71,13 @@ def test_the_calibration_joins_the_configuration():
 
 
 def test_a_stream_of_ones_own_has_no_figures_to_stand_beside():
-    assert line("mine", 7, (0.0123, 0.1, 6.0, 1.0)).split() == ["mine", "7", "0.0123", "-", "0.100", "-", "6.00", "-", "1.00", "-"]
-    assert line("gore", 7, (0.0123, 0.1, 6.0, 1.0)).split()[3] == "0.0206"
+    """Nor has one that was drawn anew, whatever its name."""
+    assert line("gore", 7, (0.0123, 0.1, 6.0, 1.0)).split() == ["gore", "7", "0.0123", "-", "0.100", "-", "6.00", "-", "1.00", "-"]
+
+
+def test_the_streams_of_openvins_are_known_by_what_they_hold():
+    figures = OPENVINS[checksum(data_file("vio_sim/gore.npz"))]
+    assert line("mine", 7, (0.0123, 0.1, 6.0, 1.0), figures).split()[3] == "0.0206"
 
 
 def test_runs_and_streams_are_not_asked_for_together(tmp_path):

@@ -252,6 +252,7 @@ def test_a_damaged_row_of_the_ins_is_named_and_left_out_when_asked(drive, text):
     ("asl", "mav0/imu0/data.csv", "#t\n5,1,2,3\n", "line 2 is '5,1,2,3'"),
     ("asl", "mav0/imu0/data.csv", "7,1,2,3,4,5,6\n5,1,2,3,4,5,6\n", "is not increasing"),
     ("asl", "mav0/imu0/sensor.yaml", "gyroscope_noise_density: -1\n", "is -1 rad/s/sqrt(Hz)"),
+    ("asl", "mav0/imu0/sensor.yaml", "gyroscope_noise_density: 1e200\n", "is 1e+200 rad/s/sqrt(Hz), allowed: up to 1e+06"),
     ("asl", "mav0/cam1/data.csv", "x,y\n", "line 1 begins with 'x'"),
     ("kitti raw", "calib_velo_to_cam.txt", "R: 1 2 3\nT: 0 0 0\n", "R is ' 1 2 3', allowed: 9 numbers"),
     ("kitti raw", "calib_cam_to_cam.txt", "S_rect_00: 64 48\n", "key 'P_rect_00' is missing"),

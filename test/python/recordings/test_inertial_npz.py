@@ -147,7 +147,8 @@ def test_the_converted_covariance_is_that_of_samples_drawn_in_the_files_conventi
     ({"gravity": np.array([0.0, 9.81, 0.0])}, "gravity is .*allowed: 0 0 -g"),
     ({"P0_tight": -np.eye(15)}, "P0_tight has the eigenvalue -1"),
     ({"init_tight": np.zeros(16)}, "quaternion of norm 0"),
-    ({"truth_q": np.ones((4, 4))}, "truth_q has the norm 2 at index 0"),
+    ({"gyro_walk": np.float64(1e200)}, r"gyro_walk is 1e\+200 at index \[0\], allowed: within \+-1e\+06 rad/s\^2/sqrt"),
+    ({"truth_q": np.ones((4, 4))}, r"truth_q\[0\] has a quaternion of norm 2"),
     ({"truth_p": None}, "key 'truth_p' is missing"),
     ({"imu_T_rectleft": np.diag([1.0, 1, -1, 1])}, "imu_T_rectleft is not a rotation")])
 def test_what_is_wrong_is_named(save, changes, complaint):

@@ -2,6 +2,7 @@
 
 import argparse
 
+import genpy
 import numpy as np
 import pytest
 import rigs
@@ -36,6 +37,9 @@ FAULTS = {
     "no acceleration, no velocity": (RED, "nothing comes on /velocity", lambda e: accelerations(e, lambda a: 0.0 * a), False),
     "other name": (YELLOW, "/imu is taken from /mavros/imu/data", lambda e: renamed(e, "/imu", "/mavros/imu/data"), False),
     "NaN": (RED, "linear_acceleration of /imu is NaN", lambda e: every(e, 7, not_a_number), False),
+    "negative sigma": (RED, "sigma of /features is negative, NaN or infinite", lambda e: features(e, lambda f: setattr(f, "sigma", -1.0)), False),
+    "huge sigma": (RED, "sigma of /features is beyond what any point has", lambda e: features(e, lambda f: setattr(f, "sigma", 1000.0)), False),
+    "one id": (RED, "ids repeat within a message of /features", lambda e: features(e, lambda f: setattr(f, "id", f.id // 2)), False),
     "no stamps": (RED, "header.stamp of /features is zero", no_stamp, False),
     "repeated stamps": (RED, "stamps repeat on /imu", repeated, False),
     "a bag that loops": (RED, "time runs back on", looping, False),
@@ -100,6 +104,19 @@ def test_of_two_imus_both_are_named_and_none_is_missed_where_a_topic_is_given(so
     assert judge(tmp_path / "two.bag", entries).first.advice == "name the topic: imu:=/imu_1 or imu:=/imu_2"
     assert judge(tmp_path / "two.bag", entries, "imu:=/imu_2").first is None
     assert judge(tmp_path / "two.bag", entries, "imu:=/none").first is None  # the camera alone
+
+
+def test_a_transform_that_was_recorded_long_before_is_no_beginning(sound, tmp_path):
+    entries = rigs.copies(sound[False])
+    rigs.of(entries, "/tf_static")[0][1] = genpy.Time(1)
+    assert judge(tmp_path / "early.bag", entries, duration=60.0).first is None
+
+
+def test_a_transform_without_a_rotation_is_named(sound, tmp_path):
+    entries = rigs.copies(sound[False])
+    rigs.of(entries, "/tf_static")[0][2].transforms[0].transform.rotation.w = np.nan
+    first = judge(tmp_path / "none.bag", entries).first
+    assert "no transform from 'imu_link'" in first.text and "(not finite, or no unit quaternion)" in first.figure
 
 
 @pytest.mark.parametrize("factor", [10.0, 1000.0])

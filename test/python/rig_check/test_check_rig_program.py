@@ -11,7 +11,7 @@ from conftest import script_path
 
 from vi_ekf_slam.rig_check.checker import all_checks, main
 from vi_ekf_slam.rig_check.finding import RED, UNJUDGED, Report
-from vi_ekf_slam.rig_check.output import text
+from vi_ekf_slam.rig_check.output import text, verdict
 from vi_ekf_slam.ros.private_ros import child, ros_master
 
 
@@ -29,7 +29,7 @@ def broken(tmp_path_factory):
 
 
 def test_status_and_verdict_tell_a_sound_rig_from_a_broken_one(sound, broken, capsys):
-    assert main([sound, "--quiet", "--without-load"]) == 0
+    assert main([sound, "--quiet", "imu:=/imu", "--without-load"]) == 0
     assert capsys.readouterr().out == "Nothing is wrong with this rig, as far as could be judged; not judged: pairs, pictures.\n"
     assert main([broken, "--quiet", "--without-load"]) == 1
     assert capsys.readouterr().out.startswith("First: no transform from 'imu_link' to 'left_camera_optical'")
@@ -73,6 +73,13 @@ def test_a_fault_hides_all_that_rests_on_it():
     assert not report.begin("b", ("a",)) and not report.begin("c", ("b",)) and report.begin("d", ())
     assert [finding.level for finding in report.findings] == [RED, UNJUDGED, UNJUDGED]
     assert report.first.text == "a is broken" and "First: a is broken (1; allowed: 2). Mend a." in text(report)
+
+
+def test_a_question_ends_the_verdict_as_it_is():
+    report = Report("rig")
+    report.begin("a", ())
+    report.red("a is broken", "1", "2", "is b there?")
+    assert verdict(report) == "First: a is broken (1; allowed: 2). Is b there?"
 
 
 @pytest.mark.parametrize("arguments, complaint", [

@@ -235,6 +235,13 @@ def test_an_export_holds_none_of_the_shipped_names(tmp_path):
     assert "Ground truth" not in text
 
 
+def test_the_bag_that_is_checked_is_not_written_over(tmp_path):
+    bag = tmp_path / "drive.bag"
+    bag.write_bytes(b"#ROSBAG V2.0\n")
+    done = script("export_rviz_config.py", "--output", bag, "--bag", bag)
+    assert done.returncode == 2 and "is the input itself" in done.stderr and bag.read_bytes() == b"#ROSBAG V2.0\n"
+
+
 @pytest.mark.parametrize("arguments, named", [
     (["--path", "/track"], ["/track", "/dead_reckoning/path"]),
     (["--path", "/odometry"], ["/odometry", "nav_msgs/Odometry", "nav_msgs/Path"]),

@@ -52,3 +52,9 @@ def test_an_output_that_cannot_be_is_refused_before_anything_is_drawn(redraw, tm
     assert capsys.readouterr().err == "error: %s: the directory %s does not exist\n" % (nowhere, tmp_path / "new")
     assert redraw.main([str(stream), str(stream)]) == 2 and stream.read_bytes() == before
     assert capsys.readouterr().err == "error: %s: is the input itself\n" % stream
+
+
+@pytest.mark.parametrize("option, value", [("--seed", "-1"), ("--imu-noise", "nan"), ("--imu-noise", "-2")])
+def test_options_out_of_range_are_named(redraw, tmp_path, capsys, option, value):
+    assert redraw.main([str(tmp_path / "stream.npz"), str(tmp_path / "new.npz"), option, value]) == 2
+    assert capsys.readouterr().err == "error: %s is %s, allowed: 0 or more\n" % (option, value)
