@@ -235,8 +235,8 @@ TEST(AnchorPatch, is_nothing_without_contrast_or_beyond_the_image) {
   EXPECT_FALSE(AnchorPatch::cut(noise, {50.0f, 50.0f})->align(grey, {{50.0f, 50.0f}}));
 }
 
-TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
-  const SE3 truth(so3::Exp({0.01, -0.03, 0.02}), {0.1, -0.05, -0.4});
+/// Of 60 points while the camera moves by `truth`; a third of them are wrong.
+std::vector<Displacement> displacedBy(const SE3& truth) {
   cv::RNG random(9);
   std::vector<Displacement> displacements;
   for (int i = 0; i < 60; ++i) {
@@ -245,6 +245,12 @@ TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
     if (i % 3 == 0) now += Eigen::Vector2d(random.uniform(-60.0, 60.0), random.uniform(-60.0, 60.0));
     displacements.push_back({p, now});
   }
+  return displacements;
+}
+
+TEST(EgoMotion, is_found_beside_a_third_of_wrong_tracks) {
+  const SE3 truth(so3::Exp({0.01, -0.03, 0.02}), {0.1, -0.05, -0.4});
+  std::vector<Displacement> displacements = displacedBy(truth);
   const auto motion = estimateMotion(kTestCamera, displacements, SE3());
   ASSERT_TRUE(motion);
   EXPECT_LT((motion->inverse() * truth).Log().norm(), 0.02);
@@ -257,15 +263,8 @@ TEST(EgoMotion, is_found_without_a_guess_while_the_camera_moves_fast) {
   for (const Eigen::Vector3d& t : {Eigen::Vector3d(0.5, 0.0, 0.0), Eigen::Vector3d(0.0, 0.0, -1.4),
                                    Eigen::Vector3d(-0.3, 0.2, -0.8), Eigen::Vector3d(0.1, 0.0, 0.0)}) {
     const SE3 truth(so3::Exp({0.01, -0.03, 0.02}), t);
-    cv::RNG random(9);
-    std::vector<Displacement> displacements;
-    for (int i = 0; i < 60; ++i) {
-      const Eigen::Vector3d p(random.uniform(-2.0, 2.0), random.uniform(-1.5, 1.5), random.uniform(3.0, 9.0));
-      Eigen::Vector2d now = kTestCamera.project(truth * p).head<2>();
-      if (i % 3 == 0) now += Eigen::Vector2d(random.uniform(-60.0, 60.0), random.uniform(-60.0, 60.0));
-      displacements.push_back({p, now});
-    }
-    const auto motion = estimateMotion(kTestCamera, displacements, SE3(truth.rotation(), {0.0, 0.0, 0.0}));
+    const auto motion =
+        estimateMotion(kTestCamera, displacedBy(truth), SE3(truth.rotation(), Eigen::Vector3d::Zero()));
     ASSERT_TRUE(motion) << t.transpose();
     EXPECT_LT((motion->inverse() * truth).Log().norm(), 0.02) << t.transpose();
   }
