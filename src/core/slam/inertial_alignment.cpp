@@ -165,7 +165,9 @@ bool InertialAlignment::isFull() const {
 InertialAlignment::Result InertialAlignment::align() {
   order();
   if (poses_.size() < kFewestPoses || secondsBetween(poses_.front().stamp, poses_.back().stamp) < kShortest)
-    return {{}, "waits for frames with features"};
+    return {{},
+            "waits for frames with features: " + std::to_string(kUsedFeatures) +
+                " that are followed in each, over " + rounded(kShortest) + " s"};
   if (!isImu(measurements_.front())) return {{}, "waits for the IMU"};
   std::vector<ImuSample> samples;
   for (const Measurement& m : measurements_) {

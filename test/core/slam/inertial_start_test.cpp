@@ -286,7 +286,8 @@ TEST(InertialStart, SaysWhatItWaitsFor) {
       measurement.features.clear();
   };
   for (int i = 0; i < 20; ++i) flight.feed(estimator, blind);
-  EXPECT_EQ(estimator.startProblem(), "waits for frames with features");
+  EXPECT_EQ(estimator.startProblem(),
+            "waits for frames with features: 8 that are followed in each, over 1 s");
   // It starts as soon as there are.
   const double then = flight.seconds();
   startOf(flight, estimator);
