@@ -5,6 +5,7 @@ import signal
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _received = []
+_holds = []
 
 
 @contextlib.contextmanager
@@ -14,15 +15,31 @@ def signals_unwind():
         for number in STOP_SIGNALS:  # the clean-up itself must not be interrupted
             signal.signal(number, signal.SIG_IGN)
         _received.append(signum)
-        raise SystemExit(128 + signum)
+        if not _holds:
+            raise SystemExit(128 + signum)
 
     _received.clear()
     previous = [(number, signal.signal(number, stop)) for number in STOP_SIGNALS]
     try:
         yield
     finally:
+        _received.clear()
         for number, handler in previous:
             signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def signals_wait():
+    """Inside the block such a signal does nothing yet; it ends the program at the block's end.
+
+    So that what is begun inside, as a process that is started, is known to what cleans up.
+    """
+    _holds.append(True)
+    try:
+        yield
+    finally:
+        _holds.pop()
+    end_if_told()
 
 
 def end_if_told():

@@ -11,6 +11,7 @@ import time
 import xmlrpc.client
 
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.stop_signals import signals_wait
 
 START_LIMIT_S = 60.0
 STOP_LIMIT_S = 20.0
@@ -36,11 +37,14 @@ def clean_environment(**changes):
 @contextlib.contextmanager
 def child(command, **options):
     """The process while the block lasts; at its end it and all that it started are ended."""
-    process = subprocess.Popen(command, start_new_session=True, **options)
+    process = None
     try:
+        with signals_wait():
+            process = subprocess.Popen(command, start_new_session=True, **options)
         yield process
     finally:
-        _stop(process)
+        if process is not None:
+            _stop(process)
 
 
 def _stop(process):
