@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/sensors/median.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -28,9 +30,7 @@ double medianDistance(const StereoCamera& camera, const std::vector<Displacement
     distances.push_back(p.z() < kMinDepth ? std::numeric_limits<double>::infinity()
                                           : (d.now - camera.project(p).head<2>()).norm());
   }
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return medianOf(std::move(distances));
 }
 
 /// px, one for each iteration.

@@ -100,11 +100,10 @@ void InactiveStore::settle() {
   endSettling();
   if (isEmpty()) return;
   close();
-  const Blocks blocks = blocks_;
   Eigen::MatrixXd before = cross_.all();
   cross_ = {};
   const auto kept = keptOfSettled();
-  accept(inactive::composed(takeSettled(), std::move(before), kept, blocks), begun());
+  accept(inactive::composed(takeSettled(), std::move(before), kept, blocks_), begun());
   begin(rows_);
 }
 

@@ -18,7 +18,6 @@ def signals_unwind():
         if not _holds:
             raise SystemExit(128 + signum)
 
-    _received.clear()
     previous = [(number, signal.signal(number, stop)) for number in STOP_SIGNALS]
     try:
         yield

@@ -168,9 +168,7 @@ TEST(VariablesTest, ARotationsErrorIsLeftAsItIsWithoutGravity) {
   EXPECT_TRUE(variables.retract(filled(12, 0.1), variables.rows(), {}).empty());
 }
 
-/// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and
-/// no picture is another one. A chart that is not straight must not bend the points then. What is left of its
-/// error is where it was in the world, whatever the correction turned the body by.
+/// What is left of its error is where it was in the world, whatever the correction turned the body by.
 TEST(VariablesTest, AVectorOfTheBodyIsReexpressedByTheBodysTurn) {
   Random random(2);
   Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {1.0, 2.0, 3.0}));
@@ -186,6 +184,8 @@ TEST(VariablesTest, AVectorOfTheBodyIsReexpressedByTheBodysTurn) {
   EXPECT_LT(distance(truth - variables.mean(bias), reexpressed[0].M * (error - corrected).tail<3>()), 1e-12);
 }
 
+/// A body that was blind for long learns how it was tilted and where it is: what it sees moves with it, and
+/// no picture is another one. A chart that is not straight must not bend the points then.
 TEST(VariablesTest, PointsMoveRigidlyWithABodyThatIsMovedWithThem) {
   Random random(4);
   Variables variables(SE3(so3::Exp({0.1, 0.2, 0.3}), {10.0, -20.0, 3.0}));

@@ -5,27 +5,19 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
+
+#include "../numeric.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
 
-struct Noisy {
-  explicit Noisy(unsigned seed) : engine(seed) {}
-  Eigen::Vector3d vector(double sigma) {
-    std::normal_distribution<double> normal(0.0, sigma);
-    return {normal(engine), normal(engine), normal(engine)};
-  }
-  std::mt19937 engine;
-};
-
 TEST(ClockOffset, IsExactWhateverTheBias) {
-  Noisy random(1);
+  Random random(1);
   const Eigen::Vector3d bias(0.1, -0.2, 0.05);
   ClockOffset clock;
   EXPECT_FALSE(clock.estimate());
   for (int i = 0; i < 5; ++i) {
-    const Eigen::Vector3d change = random.vector(0.5);
+    const Eigen::Vector3d change = random.gaussian<3>(0.5);
     clock.add(change, bias - 0.017 * change, 1e-3);
     EXPECT_EQ(clock.estimate().has_value(), i > 0); // one turn is the bias's
   }
@@ -37,10 +29,10 @@ TEST(ClockOffset, KnowsHowWrongItIs) {
   double all = 0.0, scattered = 0.0;
   constexpr int kRuns = 400, kTurns = 8;
   for (unsigned run = 0; run < kRuns; ++run) {
-    Noisy random(run);
+    Random random(run);
     ClockOffset as_told, worse;
     for (int i = 0; i < kTurns; ++i) {
-      const Eigen::Vector3d change = random.vector(0.4), noise = random.vector(2e-3);
+      const Eigen::Vector3d change = random.gaussian<3>(0.4), noise = random.gaussian<3>(2e-3);
       as_told.add(change, 0.01 * change + noise, 2e-3);
       worse.add(change, 0.01 * change + 5.0 * noise, 2e-3);
     }
