@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/symmetric.hpp"
-#include "vi_ekf_slam/core/map/relocaliser.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
 
 namespace vi_ekf_slam {
@@ -18,7 +17,9 @@ constexpr std::size_t kKeptObservations = 3; // of a landmark in view, to be wor
 // inverse depth can send a far point farther yet by a factor of five, its variance by 5^4, and rounding
 // beside such numbers would be the other landmarks' errors.
 constexpr double kVaguest = 1e3;
-constexpr double kSameRig = 1e-6; // 1 and m: what a launch file's digits leave of one
+constexpr double kSameRig = 1e-6;    // 1 and m: what a launch file's digits leave of one
+constexpr double kRounding = 1e-12;  // of the largest variance
+constexpr double kNewVariance = 1.0; // m^2, of errors that a drive adds to those of its map
 
 /// The filter's variable of this name and size; without `corrections` not where it is one of the rig's.
 std::optional<Handle> find(const SavedVariable& variable, const Filter& filter, bool corrections) {
@@ -47,6 +48,19 @@ bool hasCorrections(const SavedMap& map) {
 }
 
 } // namespace
+
+Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose) {
+  double farthest2 = map.world_T_imu.translation().squaredNorm();
+  for (const SavedLandmark& l : map.landmarks) farthest2 = std::max(farthest2, l.position.squaredNorm());
+  Eigen::MatrixXd covariance = map.covariance;
+  auto variances = covariance.diagonal();
+  // Errors about the origin: what turns there shifts what is far away.
+  const double largest = std::max({kNewVariance, variances.maxCoeff(), pose.diagonal().maxCoeff()}) +
+                         farthest2 * pose.diagonal().tail<3>().maxCoeff();
+  variances.head<3>().array() += kRounding * largest;
+  variances.tail(variances.size() - map.base()).array() += kRounding * largest;
+  return covariance;
+}
 
 SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp,
                     const std::optional<StereoRig>& given) {

@@ -7,7 +7,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
-#include "vi_ekf_slam/core/slam/initial_state.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -14,11 +14,14 @@ constexpr std::size_t kFewestArrivals = 10; // messages of a stream
 
 std::string ArrivalCheck::note(Stream stream, Stamp stamp, Stamp received) {
   if (told_) return {};
-  if (!begin_ || received < *begin_) {
+  const auto index = static_cast<std::size_t>(stream);
+  const std::optional<Stamp> before = std::exchange(stamps_[index], stamp);
+  const bool goes_back = before && secondsBetween(stamp, *before) > limit_; // a bag that loops
+  if (!begin_ || received < *begin_ || goes_back) {
     begin_ = received;
     delays_.fill({});
   }
-  Delay& delay = delays_[static_cast<std::size_t>(stream)];
+  Delay& delay = delays_[index];
   const double seconds = secondsBetween(stamp, received);
   if (delay.count++ == 0 || seconds < delay.least) delay.least = seconds;
   if (secondsBetween(*begin_, received) < kArrivalSpan) return {};

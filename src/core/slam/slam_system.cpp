@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "vi_ekf_slam/core/map/relocaliser.hpp"
+#include "vi_ekf_slam/core/loops/relocaliser.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 #include "vi_ekf_slam/core/paper/paper_estimator.hpp"
 #include "vi_ekf_slam/core/slam/inertial_estimator.hpp"

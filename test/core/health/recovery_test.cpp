@@ -1,11 +1,11 @@
-#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
+#include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 
 namespace vi_ekf_slam {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "../filter/states.hpp"
-#include "vi_ekf_slam/core/map/returning_landmarks.hpp"
+#include "vi_ekf_slam/core/loops/returning_landmarks.hpp"
 #include "vi_ekf_slam/core/map/snapshot.hpp"
 
 namespace vi_ekf_slam::test {

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <string>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {

@@ -6,7 +6,7 @@
 #include <memory>
 #include <set>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "inertial_core.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "../slam/system_drive.hpp"
+#include "../system_drive.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -138,6 +138,18 @@ TEST(ArrivalCheck, NamesAStreamThatBecomesLate) {
   }
 }
 
+// Whose features are heard from its second round on, since their connection takes longer.
+TEST(ArrivalCheck, SaysNothingOfABagThatLoops) {
+  ArrivalCheck check(0.2);
+  std::string said;
+  for (int k = 0; k < 1500; ++k) {
+    const Stamp now = fromSeconds(0.01 * k), stamp = fromSeconds(0.01 * ((k + 280) % 300));
+    said += check.note(Stream::kImu, stamp, now);
+    if (k > 20 && k % 10 == 0) said += check.note(Stream::kStereo, stamp, now);
+  }
+  EXPECT_EQ(said, "");
+}
+
 /// What is said of a gyro that turns at this rate for 3 s.
 std::string saidOfRate(double rate) {
   ImuCheck check(9.81);

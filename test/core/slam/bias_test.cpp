@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -4,7 +4,7 @@
 #include <fstream>
 
 #include "../../sanitized.hpp"
-#include "road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -4,7 +4,7 @@
 #include <set>
 #include <variant>
 
-#include "road.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/core/map/archive.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 

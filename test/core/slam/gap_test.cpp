@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "road.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {

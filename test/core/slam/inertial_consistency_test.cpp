@@ -1,7 +1,7 @@
 // Is the covariance right? Normalised estimation errors squared over simulated flights, of which the filter
 // knows the noise, and begins with an error of the covariance that it is told.
 
-#include "flight.hpp"
+#include "../flight.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "flight.hpp"
+#include "../flight.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 

@@ -1,6 +1,6 @@
 // How an inertial estimate stands.
 
-#include "flight.hpp"
+#include "../flight.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

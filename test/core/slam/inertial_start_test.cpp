@@ -1,6 +1,6 @@
 // How an inertial estimate starts by itself, at rest and in motion, and where it refuses to.
 
-#include "flight.hpp"
+#include "../flight.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/core/slam/inertial_alignment.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "system_drive.hpp"
+#include "../system_drive.hpp"
 
 namespace vi_ekf_slam {
 namespace {

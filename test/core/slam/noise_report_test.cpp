@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "system_drive.hpp"
+#include "../system_drive.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 
 namespace vi_ekf_slam {

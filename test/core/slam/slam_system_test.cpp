@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "system_drive.hpp"
+#include "../system_drive.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "flight.hpp"
-#include "road.hpp"
+#include "../flight.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 namespace vi_ekf_slam::test {

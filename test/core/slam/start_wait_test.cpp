@@ -1,7 +1,7 @@
 // What the first measurements wait for: the calibration, and what is known of the biases.
 #include <gtest/gtest.h>
 
-#include "system_drive.hpp"
+#include "../system_drive.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam {
 namespace {

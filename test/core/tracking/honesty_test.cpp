@@ -1,7 +1,7 @@
 #include <cmath>
 #include <vector>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/core/tracking/track_walk.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "view.hpp"

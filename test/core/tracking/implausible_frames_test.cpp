@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

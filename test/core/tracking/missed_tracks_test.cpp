@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 #include "view.hpp"
 
 namespace vi_ekf_slam {

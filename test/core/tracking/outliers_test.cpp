@@ -3,7 +3,7 @@
 #include <variant>
 #include <vector>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 
 namespace vi_ekf_slam {

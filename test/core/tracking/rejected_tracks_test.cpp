@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "../slam/road.hpp"
+#include "../road.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -3,7 +3,7 @@
 #include <deque>
 #include <map>
 
-#include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/map/map_estimate.hpp"
 
 namespace vi_ekf_slam {
 

@@ -14,6 +14,10 @@ namespace vi_ekf_slam {
 SavedMap snapshotOf(Filter filter, LandmarkMap landmarks, Stamp stamp,
                     const std::optional<StereoRig>& given = {});
 
+/// A saved map's covariance, a little larger than what rounding may make of it beside the errors of `pose`,
+/// which the vehicle has when the map becomes its own.
+Eigen::MatrixXd loadedCovariance(const SavedMap& map, const Matrix6d& pose);
+
 /// Puts what was saved into a filter and a map that have nothing but a core. Variables are known by name and
 /// size: what the filter does not have is marginalised, what the map does not have stays as it is. What was
 /// in view is inactive now, like the rest: tracks that go on begin as new landmarks and are fused with it.

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "vi_ekf_slam/core/sensors/imu_noise.hpp"
-#include "vi_ekf_slam/core/slam/initial_state.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 
 namespace vi_ekf_slam {
 

@@ -12,7 +12,7 @@ namespace vi_ekf_slam {
 /// Looks whether the streams are stamped by one clock: what comes much later after its stamp than another
 /// stream does is late, or has another clock. Judged over the first seconds, and whenever two stretches as
 /// long say the same later; check_rig.py says it of a recording. The least delay counts, since queues only
-/// add.
+/// add. A stretch in which the stamps of a stream go back begins anew.
 class ArrivalCheck {
  public:
   /// `limit`, s: that the buffer waits for what is late.
@@ -30,6 +30,7 @@ class ArrivalCheck {
 
   double limit_;
   std::array<Delay, kStreamCount> delays_;
+  std::array<std::optional<Stamp>, kStreamCount> stamps_; ///< the last ones
   std::optional<Stamp> begin_;
   bool told_ = false;
   std::size_t suspected_ = 1; ///< stretches in a row; one stands for the start, when nobody pauses anything

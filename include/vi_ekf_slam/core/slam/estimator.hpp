@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "vi_ekf_slam/core/geometry/se3.hpp"
-#include "vi_ekf_slam/core/health/divergence_monitor.hpp"
-#include "vi_ekf_slam/core/map/path_estimate.hpp"
+#include "vi_ekf_slam/core/health/frame_report.hpp"
+#include "vi_ekf_slam/core/map/map_estimate.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
-#include "vi_ekf_slam/core/slam/initial_state.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {
@@ -29,46 +29,6 @@ struct StateEstimate {
   Vector6d twist = Vector6d::Zero();
   /// 6x6, same order and frame as `twist`.
   Matrix6d twist_covariance = Matrix6d::Zero();
-};
-
-struct LandmarkEstimate {
-  FeatureId id = 0;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();   ///< world frame, m
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero(); ///< m^2, world axes, marginal
-};
-
-/// Landmarks by id, and the path so far, all as known now.
-struct MapEstimate {
-  std::vector<LandmarkEstimate> landmarks;
-  PathEstimate path;
-};
-
-/// What an estimator did with one stereo frame.
-struct FrameReport {
-  FrameReport() = default;
-  explicit FrameReport(const StereoFrame& frame) : stamp(frame.stamp), features(frame.features.size()) {}
-
-  Stamp stamp = 0;
-  std::size_t features = 0; ///< in the frame
-  std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
-  std::size_t used = 0;    ///< corrected the state
-  std::size_t rejected = 0;      ///< contradicted the state (gate, consensus)
-  std::size_t initialised = 0;   ///< became landmarks
-  std::size_t removed = 0;       ///< landmarks that are no longer active
-  std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
-  bool place_recognised = false; ///< without ids, by what landmarks look like or their constellation
-  bool relocalised = false;      ///< from this frame on all poses and landmarks are in the loaded map's frame
-  std::size_t landmarks = 0;     ///< in the state after the frame, active
-  std::size_t inactive = 0;      ///< landmarks out of view that are in the joint covariance after the frame
-  std::size_t contradicting_velocities = 0; ///< samples since the frame before that contradicted the state
-  bool frame_rejected = false;   ///< the frame as a whole was found impossible and not used
-  /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
-  /// judged: the mean of their ratio is 1. 0 where nothing was used.
-  double nis = 0.0;
-  std::size_t nis_dof = 0;
-  /// The estimate was no longer believed, for this reason, and begun anew from where it was: without
-  /// landmarks, and with a covariance that covers what may have gone wrong.
-  Divergence divergence = Divergence::kNone;
 };
 
 /// The state at a stamp to come; nothing where the orientation is not known to a radian by then.

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/map/joint_map.hpp"
+#include "vi_ekf_slam/core/slam/joint_map.hpp"
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"

@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-#include "vi_ekf_slam/core/slam/initial_state.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/ros/node/map_store.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 

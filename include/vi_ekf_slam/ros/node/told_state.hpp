@@ -3,7 +3,7 @@
 #include <string>
 
 #include "vi_ekf_slam/SetState.h"
-#include "vi_ekf_slam/core/slam/initial_state.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/ros/output/base_frame.hpp"
 
 namespace vi_ekf_slam {
