@@ -77,7 +77,7 @@ TEST_F(Base, is_the_imu_where_nothing_else_is_asked_for) {
   EXPECT_EQ("imu_link", base.name());
   EXPECT_EQ(kWorldTImu.matrix(), base.pose(kWorldTImu).matrix());
   base.lookForParent(fromSeconds(100.0));
-  EXPECT_TRUE(base.hasForeignParent());
+  EXPECT_FALSE(base.mayGetParent());
   EXPECT_NE(std::string::npos, base.problem().find("base_frame")) << base.problem();
 }
 
@@ -86,11 +86,19 @@ TEST_F(Base, has_no_parent_any_more_that_nobody_publishes) {
   ASSERT_TRUE(base.update("imu_link", SE3()));
   frames_.add(transform(pose(1, 0, 0, 0, 0, 0), "odom", "base_link", fromSeconds(20.0)), false);
   base.lookForParent(fromSeconds(20.5));
-  EXPECT_TRUE(base.hasForeignParent());
+  EXPECT_FALSE(base.mayGetParent());
   EXPECT_NE(std::string::npos, base.problem().find("'odom' -> 'base_link'")) << base.problem();
   base.lookForParent(fromSeconds(26.0));
-  EXPECT_FALSE(base.hasForeignParent());
+  EXPECT_TRUE(base.mayGetParent());
   EXPECT_EQ("", base.problem());
+}
+
+TEST_F(Base, has_no_parent_where_the_imu_says_that_it_is_the_odometry) {
+  BaseFrame base(frames_, {});
+  ASSERT_TRUE(base.update("odom", SE3()));
+  EXPECT_FALSE(base.mayGetParent());
+  EXPECT_NE(std::string::npos, base.problem().find("header.frame_id of imu, is 'odom', allowed: another"))
+      << base.problem();
 }
 
 TEST_F(Base, keeps_the_first_transform_and_says_that_it_has_changed) {

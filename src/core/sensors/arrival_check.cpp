@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kArrivalSpan = 5.0;        // s that are judged: some queue of each stream is empty once
 constexpr std::size_t kFewestArrivals = 10; // messages of a stream
+constexpr double kJumpBack = 1.0;           // s between two stamps of a stream: a bag that loops
 
 } // namespace
 
@@ -16,7 +17,7 @@ std::string ArrivalCheck::note(Stream stream, Stamp stamp, Stamp received) {
   if (told_) return {};
   const auto index = static_cast<std::size_t>(stream);
   const std::optional<Stamp> before = std::exchange(stamps_[index], stamp);
-  const bool goes_back = before && secondsBetween(stamp, *before) > limit_; // a bag that loops
+  const bool goes_back = before && secondsBetween(stamp, *before) > kJumpBack;
   if (!begin_ || received < *begin_ || goes_back) {
     begin_ = received;
     delays_.fill({});

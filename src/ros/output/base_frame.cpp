@@ -60,8 +60,11 @@ std::string BaseFrame::problem() const {
   if (name_.empty())
     return "no pose is published: no transform of at most 100 m connects base_frame '" + config_.base_frame +
            "' to the IMU's frame '" + imu_frame_ + "'; publish it on /tf_static, as a robot description does";
+  if (config_.publish_tf && isImuOfWorld())
+    return "no transform is published: the IMU's frame, header.frame_id of imu, is '" + imu_frame_ +
+           "', allowed: another one than ros/map_frame and ros/odom_frame; set it in the IMU's driver";
   const bool sends_base = config_.publish_tf && (config_.publish_odom_tf || config_.single_tf);
-  if (!sends_base || !hasForeignParent()) return {};
+  if (!sends_base || foreign_parent_.empty()) return {};
   const std::string what = "no transform is published, since somebody else publishes '" + foreign_parent_ +
                            "' -> '" + name_ + "': ";
   return what + (foreign_parent_ == config_.odom_frame

@@ -36,6 +36,7 @@ void Publishers::publish(const Output& output, bool is_frame) {
   const SE3 start_T_base = base_.pose(output.odom_T_imu);
   const StateEstimate in_odom = smooth_.update(start_T_base, in_map);
   base_.lookForParent(stamp);
+  transforms_.lookForParent(stamp);
   transforms_.publish(stamp, in_map.world_T_imu, in_odom.world_T_imu, base_);
   if (odometry_.getNumSubscribers() > 0)
     odometry_.publish(conversions::toOdometry(in_map, config_.map_frame, base_.name()));
@@ -57,7 +58,7 @@ void Publishers::publishLoop(const ClosedLoop& of_imu) {
 }
 
 std::string Publishers::problem() const {
-  const std::string problem = base_.problem();
+  const std::string problem = base_.problem().empty() ? transforms_.problem() : base_.problem();
   if (!problem.empty() || !transforms_.followsForeignOdometry() || transforms_.waiting() < kManyWaiting)
     return problem;
   return "'" + config_.map_frame + "' -> '" + config_.odom_frame +

@@ -13,7 +13,8 @@ using conversions::toTransform;
 
 TransformPublisher::TransformPublisher(ros::NodeHandle nh, const FrameTree& frames, const RosConfig& config,
                                        double max_jump_s)
-    : config_(config),
+    : frames_(frames),
+      config_(config),
       max_jump_s_(max_jump_s),
       foreign_(frames, config.odom_frame),
       tf_(nh.advertise<tf2_msgs::TFMessage>("/tf", 100)) {}
@@ -36,6 +37,19 @@ bool TransformPublisher::sends(const std::string& parent, const std::string& chi
          (config_.publish_odom_tf && parent == config_.odom_frame && child == base.name());
 }
 
+void TransformPublisher::lookForParent(Stamp now) {
+  const bool sends_odom = config_.publish_tf && config_.publish_map_tf && !config_.single_tf;
+  odom_parent_ = sends_odom ? frames_.parentOf(config_.odom_frame, now) : std::string();
+}
+
+std::string TransformPublisher::problem() const {
+  if (odom_parent_.empty()) return {};
+  const std::string to_odom = "' -> '" + config_.odom_frame + "'";
+  return "'" + config_.map_frame + to_odom + " is not published, since somebody else publishes '" +
+         odom_parent_ + to_odom + ": set ros/publish_map_tf to false, if that is another localisation, " +
+         "or give ros/odom_frame another name";
+}
+
 bool TransformPublisher::isNews(Stamp stamp) {
   if (last_ && stamp <= *last_ && secondsBetween(stamp, *last_) <= max_jump_s_) return false;
   last_ = stamp;
@@ -50,23 +64,23 @@ void TransformPublisher::publish(Stamp stamp, const SE3& map_T_base, const SE3& 
     noteTransforms(base);
     return;
   }
-  if (base.hasForeignParent() || !isNews(stamp)) return;
+  if (!base.mayGetParent() || !isNews(stamp)) return;
   if (config_.single_tf) {
     send({toTransform(map_T_base, stamp, config_.map_frame, base.name())});
     return;
   }
   std::vector<geometry_msgs::TransformStamped> transforms;
   const Stamp later = stamp + fromSeconds(config_.transform_tolerance);
-  if (config_.publish_map_tf)
+  if (config_.publish_map_tf && odom_parent_.empty())
     transforms.push_back(
         toTransform(map_T_base * odom_T_base.inverse(), later, config_.map_frame, config_.odom_frame));
   if (config_.publish_odom_tf)
     transforms.push_back(toTransform(odom_T_base, stamp, config_.odom_frame, base.name()));
-  send(std::move(transforms));
+  if (!transforms.empty()) send(std::move(transforms));
 }
 
 void TransformPublisher::noteTransforms(const BaseFrame& base) {
-  if (!followsForeignOdometry() || base.name().empty()) return;
+  if (!followsForeignOdometry() || base.name().empty() || !odom_parent_.empty()) return;
   const auto correction = foreign_.take(base.name());
   if (!correction || !isNews(correction->stamp)) return;
   const Stamp later = correction->stamp + fromSeconds(config_.transform_tolerance);

@@ -34,7 +34,8 @@ class BaseFrame {
   const std::string& name() const { return name_; }
   /// Looks whether somebody else publishes a parent of the frame, beside which there must be no second one.
   void lookForParent(Stamp now) { foreign_parent_ = frames_.parentOf(name_, now); }
-  bool hasForeignParent() const { return !foreign_parent_.empty(); }
+  /// Whether a transform from odom or map to the frame makes a tree.
+  bool mayGetParent() const { return foreign_parent_.empty() && !isImuOfWorld(); }
 
   /// M of above.
   const SE3& mapFromWorld() const { return map_T_world_; }
@@ -51,6 +52,8 @@ class BaseFrame {
   std::vector<LandmarkEstimate> landmarks(std::vector<LandmarkEstimate> in_world) const;
 
  private:
+  bool isImuOfWorld() const { return imu_frame_ == config_.map_frame || imu_frame_ == config_.odom_frame; }
+
   const FrameTree& frames_;
   RosConfig config_;
   std::string imu_frame_;

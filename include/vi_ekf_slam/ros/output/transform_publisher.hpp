@@ -25,6 +25,10 @@ class TransformPublisher {
   bool sends(const std::string& parent, const std::string& child, const BaseFrame& base) const;
   /// Whether the odometry is somebody else's.
   bool followsForeignOdometry() const;
+  /// Looks whether somebody else publishes a parent of odom, beside which there must be no second one.
+  void lookForParent(Stamp now);
+  /// Why map -> odom may not be sent, and what to do; empty: it may, or is not to be.
+  std::string problem() const;
   /// /tf has gone on.
   void noteTransforms(const BaseFrame& base);
   /// Poses that wait for somebody else's odometry.
@@ -35,8 +39,10 @@ class TransformPublisher {
   bool isNews(Stamp stamp);
   void send(std::vector<geometry_msgs::TransformStamped> transforms) const;
 
+  const FrameTree& frames_;
   RosConfig config_;
   double max_jump_s_;
+  std::string odom_parent_; ///< somebody else's
   ForeignOdometry foreign_;
   std::optional<Stamp> last_;
   /// tf2's broadcaster has a handle of its own, which does not know what a nodelet has remapped.

@@ -228,6 +228,26 @@ class Frames(NodeRunner):
         self.answered(START + 2.7)
         self.check_tree({drive_data.BASE: "odom", "imu_link": drive_data.BASE, drive_data.LEFT: "imu_link"})
 
+    def test_another_localisation_that_it_was_not_told_of(self):
+        """No second publisher of map -> odom, and odom -> imu_link goes on; what to do is said."""
+        self.start_node()
+        foreign = TransformStamped()
+        foreign.header.frame_id, foreign.child_frame_id = "map", "odom"
+        foreign.transform.translation.x = foreign.transform.rotation.w = 1.0
+
+        def publish(stamp):
+            foreign.header.stamp = stamp
+            self.tf.publish(TFMessage([foreign]))
+        publish(rospy.Time.from_sec(START))
+        self.wait_for(lambda: self.dynamic)
+        rospy.ServiceProxy("/%s/save_trajectory" % self.name, Trigger)()  # answered: the node has read it
+        self.drive(0.0, 4.0, described=False, each=publish)
+        self.answered(START + 3.7)
+        self.warned("publish_map_tf", "'map' -> 'odom'")
+        of_odom = [t for m in self.dynamic for t in m.transforms if t.child_frame_id == "odom"]
+        self.assertEqual({1.0}, {t.transform.translation.x for t in of_odom})
+        self.check_tree({"odom": "map", "imu_link": "odom", drive_data.LEFT: "imu_link"})
+
     def test_the_odometry_in_odom_never_jumps(self):
         """Not by corrections, and not by a reset, by which the one in map does; it is what /tf says of odom."""
         self.start_node(ros={"transform_tolerance": 0.3})
