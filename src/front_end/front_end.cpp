@@ -196,15 +196,15 @@ void FrontEnd::follow(const Picture& left, Stamp stamp) {
   if (tracks_.empty() || !last_) return;
   for (Track& track : tracks_)
     track.point = pointBehind(calibration_.camera, track.left_rectified, track.disparity.value_or(0.0));
-  const auto [guess, rotation_known] = motion_.predict(last_->stamp, stamp);
-  report_.rotation_known = rotation_known;
-  const std::vector<bool> found = find(left, predict(guess));
+  const auto prediction = motion_.predict(last_->stamp, stamp);
+  report_.rotation_known = prediction.rotation_known;
+  const std::vector<bool> found = find(left, predict(prediction.now_T_before));
   std::size_t i = 0;
   report_.lost = removeTracks(tracks_, [&](const Track&) { return !found[i++]; });
   rectify(tracks_);
   report_.lost += removeTracks(
       tracks_, [this](const Track& track) { return !calibration_.left.shows(track.left_rectified); });
-  learnMotion(guess, stamp);
+  learnMotion(prediction, stamp);
   // Two that have run together see the same thing; the older one goes on.
   const float nearest = 0.5f * detector_.minDistance();
   std::vector<cv::Point2f> kept;
@@ -231,7 +231,7 @@ void FrontEnd::rectify(std::vector<Track>& tracks) const {
 
 /// How the camera moves against what most tracks see: those that do not see it end, and the others have
 /// another disparity.
-void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
+void FrontEnd::learnMotion(const MotionPredictor::Prediction& prediction, Stamp stamp) {
   const StereoCamera& camera = calibration_.camera;
   const auto displacement = [](const Track& track) {
     return Displacement{track.point, {track.left_rectified.x, track.left_rectified.y}};
@@ -240,8 +240,12 @@ void FrontEnd::learnMotion(const SE3& guess, Stamp stamp) {
   for (const Track& track : tracks_) {
     if (track.disparity) displacements.push_back(displacement(track));
   }
-  const auto motion = estimateMotion(camera, displacements, guess);
-  motion_.learn(motion, secondsSinceLast(stamp));
+  const SE3& guess = prediction.now_T_before;
+  const double seconds = secondsSinceLast(stamp);
+  const auto motion = prediction.rotation_known
+                          ? estimateMotion(camera, displacements, guess, motion_.withoutBias(guess, seconds))
+                          : estimateMotion(camera, displacements, guess);
+  motion_.learn(motion, prediction, seconds);
   if (!motion) {
     // What flow alone supports has nothing then that tells it from what is not the same point.
     if (!report_.rotation_known && displacements.size() >= kFewestForMotion)

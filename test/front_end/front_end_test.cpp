@@ -340,5 +340,32 @@ TEST(FrontEnd, ends_the_tracks_of_what_moves_against_the_others) {
   EXPECT_GT(rejected, 10u);
 }
 
+// As something near that fills half of the picture while a drive starts.
+TEST(FrontEnd, does_not_take_a_board_that_moves_for_the_world_against_the_gyro) {
+  const SlantedPlane wall(testCalibration());
+  for (const Eigen::Vector3d& velocity : {Eigen::Vector3d(0.0, 0.6, 0.0), Eigen::Vector3d(0.8, 0.0, 0.0)}) {
+    FrontEnd front_end(testCalibration(), {kCount});
+    front_end.setImuRotation(Eigen::Matrix3d::Identity());
+    std::map<FeatureId, int> ages;
+    std::size_t on_board = 0, on_wall = 0;
+    for (int k = 0; k < 30; ++k) {
+      StereoImages images = wall.look(poseAt(k), stampAt(k));
+      const SE3 near(Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.0, 0.0, 2.0) - 0.05 * k * velocity);
+      const StereoImages board = wall.look(near * poseAt(k), stampAt(k));
+      constexpr int kEdge = 176, kDisparity = 30; // px
+      const cv::Rect left(kEdge, 0, 320 - kEdge, 240), right(kEdge - kDisparity, 0, 320 - kEdge, 240);
+      board.left(left).copyTo(images.left(left));
+      board.right(right).copyTo(images.right(right));
+      for (const Stamp before : {kPeriod, Stamp(0)}) // a bias of 0.02 rad/s
+        front_end.addImu({stampAt(k) - before, {0.07, 0.08, 0.1}, {}});
+      for (const auto& f : front_end.process(images).features) {
+        if (++ages[f.id] > 3) ++(f.pixels.x() > kEdge ? on_board : on_wall);
+      }
+    }
+    EXPECT_GT(on_wall, 300u) << velocity.transpose();
+    EXPECT_LT(10 * on_board, on_wall) << velocity.transpose();
+  }
+}
+
 } // namespace
 } // namespace vi_ekf_slam

@@ -91,7 +91,7 @@ class FrontEnd {
   void followLight(const Light& light, Stamp stamp);
   std::vector<TrackPrediction> predict(const SE3& now_T_before) const;
   std::vector<bool> find(const Picture& left, const std::vector<TrackPrediction>& predictions);
-  void learnMotion(const SE3& guess, Stamp stamp);
+  void learnMotion(const MotionPredictor::Prediction& prediction, Stamp stamp);
   void follow(const Picture& left, Stamp stamp);
   void rectify(std::vector<Track>& tracks) const;
   void beginTracks(const Picture& left, Stamp stamp);

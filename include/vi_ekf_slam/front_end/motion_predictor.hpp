@@ -25,13 +25,18 @@ class MotionPredictor {
   void forgetBefore(Stamp stamp) { gyro_.forgetBefore(stamp); }
 
   Prediction predict(Stamp before, Stamp now) const;
-  /// How it has moved within `seconds`; nothing: not known, so that it is taken to be at rest.
-  void learn(const std::optional<SE3>& now_T_before, double seconds);
+  /// What it predicted for so many seconds, without what the gyro has been off by.
+  SE3 withoutBias(const SE3& now_T_before, double seconds) const;
+  /// How it has moved within `seconds`, and what was predicted of it; nothing: not known, so that it is taken
+  /// to be at rest.
+  void learn(const std::optional<SE3>& now_T_before, const Prediction& prediction, double seconds);
 
  private:
   GyroRotation gyro_;
   std::optional<Eigen::Matrix3d> cam_R_imu_;
-  Vector6d velocity_ = Vector6d::Zero(); ///< m/s and rad/s, as now_T_before has it
+  Vector6d velocity_ = Vector6d::Zero();           ///< m/s and rad/s, as now_T_before has it
+  Eigen::Vector3d bias_ = Eigen::Vector3d::Zero(); ///< rad/s, what it turns beyond what the gyro says
+  int bias_pairs_ = 0;                             ///< of which that is the mean
 };
 
 } // namespace vi_ekf_slam
