@@ -15,6 +15,7 @@ from collections import namedtuple
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), "..", ".."))
 # What takes this long hangs; far from what anything takes, since a busy machine must not fail a test.
@@ -37,9 +38,14 @@ def data_file(name):
     return path
 
 
+def se3_exp(xi):
+    """Twist times time (v dt, w dt), shape 6 -> transform; the motion of a body with a constant body twist."""
+    (x, y, z), (a, b, c) = np.reshape(xi, (2, 3))
+    return expm([[0.0, -c, b, x], [c, 0.0, -a, y], [-b, a, 0.0, z], [0.0] * 4])
+
+
 def dead_reckon(stamps, linear_velocity, angular_velocity):
     """Poses world_T_imu (T, 4, 4) from (T,) s and (3, T) m/s and rad/s, the first the identity: the sample at k held until k + 1."""
-    from vi_ekf_slam.common.geometry import se3_exp  # after pytest_configure has told whether it is there
     poses = [np.eye(4)]
     for dt, twist in zip(np.diff(stamps), np.vstack([linear_velocity, angular_velocity]).T):
         poses.append(poses[-1] @ se3_exp(dt * twist))

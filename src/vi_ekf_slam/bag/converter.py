@@ -7,6 +7,7 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output
 from vi_ekf_slam.common.stop_signals import signals_unwind
+from vi_ekf_slam.dataset.as_recording import as_recording
 from vi_ekf_slam.dataset.extrinsic import READINGS
 from vi_ekf_slam.dataset.loader import DEFAULT_MAX_MEMORY_MB, load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
@@ -112,43 +113,37 @@ def convert(options):
         _bag_writer()  # complain before the work, not after it
 
     recording = load_recording(options, vars(make_parser().parse_args(["--", options.input])))
-    if recording is not None:
-        convert_recording(options, recording)
+    recording, report = _from_dataset(options) if recording is None else (recording, summarise_recording(recording))
+    if not options.quiet or options.info:
+        print("\n".join(report), flush=True)
+    if options.info:
         return
+    writer = _bag_writer()
+    side_files = writer.side_files(recording, options.output)
+    for path in side_files:
+        check_output(path, options.input)
+    count = writer.record(recording, options.output, options.quiet)
+    if not options.quiet:
+        print("wrote: %s, %d messages" % (options.output, count))
+        print("".join("wrote: %s\n" % path for path in side_files), end="")
+
+
+def _from_dataset(options):
+    """(Recording, report as lines) of an .npz with a velocity."""
     if options.gyro_bias_sigma is None:
         options.gyro_bias_sigma = NOISY_GYRO_BIAS_SIGMA if options.gyro_sigma is None else INS_GYRO_BIAS_SIGMA
     if options.gyro_sigma is None:
         options.gyro_sigma = DEFAULT_GYRO_SIGMA
     dataset = load_dataset(options.input, options.extrinsic, options.without_features, options.max_memory_mb)
-    repair = None
+    repair = truth = None
     if dataset.features is not None:
         repair = assign_ids(dataset.features, dataset.seen, repair=not options.keep_stale)
-    truth = None
     if options.truth:
         truth = load_truth(options.truth, dataset.stamps, dataset.cam_T_imu, options.truth_body)
     report = summarise(dataset, repair, not options.keep_stale)
     if truth:
         report.append("truth: %d poses" % len(truth[0]))
-    if not options.quiet or options.info:
-        print("\n".join(report), flush=True)
-    if options.info:
-        return
-    _write(options, dataset, repair, truth)
-
-
-def convert_recording(options, recording):
-    """Write a recordings.recording.Recording, or report on it with --info."""
-    if not options.quiet or options.info:
-        print("\n".join(summarise_recording(recording)), flush=True)
-    if options.info:
-        return
-    from vi_ekf_slam.bag.recording_writer import record_recording, side_files
-    for path in side_files(recording, options.output):
-        check_output(path, options.input)
-    count = record_recording(recording, options.output, options.quiet)
-    if not options.quiet:
-        print("wrote: %s, %d messages" % (options.output, count))
-        print("".join("wrote: %s\n" % path for path in side_files(recording, options.output)), end="")
+    return as_recording(dataset, repair and repair.ids, truth, options), report
 
 
 def _bag_writer():
@@ -159,12 +154,6 @@ def _bag_writer():
         raise InputError("%s; source the workspace's setup.bash, and install rosbag and the Python halves of nav_msgs "
                          "and sensor_msgs (Debian: python3-rosbag python3-nav-msgs python3-sensor-msgs)" % reason)
     return writer
-
-
-def _write(options, dataset, repair, truth):
-    count = _bag_writer().record(dataset, None if repair is None else repair.ids, truth, options)
-    if not options.quiet:
-        print("wrote: %s, %d messages" % (options.output, count))
 
 
 def main(argv=None):

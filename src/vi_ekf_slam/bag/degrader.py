@@ -9,6 +9,7 @@ from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.dataset import degradation
+from vi_ekf_slam.dataset.as_recording import as_recording
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.stale import assign_ids
 from vi_ekf_slam.dataset.synthetic_traffic import add_traffic
@@ -105,7 +106,7 @@ def write(options, drive=None):
     check(options)
     dataset, ids, truth = degraded(options, drive or load_drive(options.input, options.truth))
     from vi_ekf_slam.bag import writer  # needs ROS; complain about inputs first
-    count = writer.record(dataset, ids, truth, options)
+    count = writer.record(as_recording(dataset, ids, truth, options), options.output, options.quiet)
     if not options.quiet:
         print("features: %.1f a frame in the mean" % dataset.seen.sum(axis=0).mean())
         print("wrote: %s, %d messages" % (options.output, count))

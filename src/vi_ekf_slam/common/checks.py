@@ -31,18 +31,20 @@ def require_shape(array, shape, name):
         raise InputError("%s has shape %s, allowed: %s" % (name, array.shape, allowed))
 
 
-def require_stamps(stamps, name):
-    """(T,) seconds: finite, positive, representable as a ROS time, and increasing by at least a nanosecond."""
+def require_stamps(stamps, name, place="at index {}".format):
+    """(T,) seconds: finite, positive, representable as a ROS time, and increasing by at least a nanosecond.
+
+    place(k): where the stamp of row k is.
+    """
     require_finite(stamps, name)
     outside = ~((stamps >= 1e-9) & (stamps < MAX_ROS_SECONDS))
     if outside.any():
         k = int(np.argmax(outside))
-        raise InputError("%s is %.9g s at index %d, allowed: from 1e-9 to %d" % (name, stamps[k], k, MAX_ROS_SECONDS))
+        raise InputError("%s is %.9g s %s, allowed: from 1e-9 to %d" % (name, stamps[k], place(k), MAX_ROS_SECONDS))
     steps = np.diff(nanoseconds(stamps))
     if (steps <= 0).any():
         k = int(np.argmax(steps <= 0)) + 1
-        raise InputError("%s is not increasing: %.9f s at index %d comes after %.9f s"
-                         % (name, stamps[k], k, stamps[k - 1]))
+        raise InputError("%s is not increasing: %.9f s %s comes after %.9f s" % (name, stamps[k], place(k), stamps[k - 1]))
 
 
 def nanoseconds(stamps):

@@ -15,6 +15,8 @@ def exit_status(action, *arguments, source=None):
 
     source: the input to name where memory does not suffice for it; None: MemoryError passes through.
     """
+    if getattr(sys.stdout, "errors", "") == "strict" and hasattr(sys.stdout, "reconfigure"):  # a name may hold what its encoding lacks
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         action(*arguments)
         sys.stdout.flush()

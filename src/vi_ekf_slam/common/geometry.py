@@ -2,7 +2,7 @@
 
 A transform `a_T_b` is 4 x 4 and takes homogeneous points from frame b to frame a. Twists are (v, w): m/s and rad/s, in
 this order. Quaternions are (x, y, z, w), as in geometry_msgs. Functions accept leading batch dimensions where noted.
-Exponentials: Barfoot, State Estimation for Robotics (2017), eq. 7.14, 7.37 and 7.95.
+Logarithm: Barfoot, State Estimation for Robotics (2017), eq. 7.95.
 """
 
 import numpy as np
@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 # Axes of a body (x forward, y left, z up) from those of a camera on it that looks ahead (x right, y down, z forward).
 BODY_R_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-SMALL_ANGLE = 1e-6  # rad; below it the series' next term is under one rounding of a double
 
 
 def hat(w):
@@ -19,8 +18,8 @@ def hat(w):
 
 
 def so3_exp(phi):
-    """Rotation vector (3, rad) -> rotation matrix, by Rodrigues' formula."""
-    return se3_exp(np.concatenate([np.zeros(3), phi]))[:3, :3]
+    """Rotation vectors (..., 3, rad) -> rotation matrices."""
+    return _to_matrix(Rotation.from_rotvec(phi))
 
 
 def so3_log(rotation):
@@ -28,27 +27,8 @@ def so3_log(rotation):
     return _from_matrix(rotation).as_rotvec()
 
 
-def se3_exp(xi):
-    """Twist times time (v dt, w dt), shape 6 -> transform; the motion of a body with a constant body twist."""
-    xi = np.asarray(xi, dtype=float)
-    rho, phi = xi[:3], xi[3:]
-    angle = np.linalg.norm(phi)
-    cross = hat(phi)
-    if angle < SMALL_ANGLE:
-        a, b, c = 1.0, 0.5, 1.0 / 6.0
-    else:
-        a = np.sin(angle) / angle
-        b = 2.0 * (np.sin(0.5 * angle) / angle) ** 2  # (1 - cos) / angle^2 without cancellation
-        c = (1.0 - a) / angle**2
-    square = cross @ cross
-    transform = np.eye(4)
-    transform[:3, :3] += a * cross + b * square
-    transform[:3, 3] = (np.eye(3) + b * cross + c * square) @ rho
-    return transform
-
-
 def se3_log(transform):
-    """The twist times time of a transform, of which se3_exp makes it: eq. 7.95 solved for the translation."""
+    """The twist times time (v dt, w dt), shape 6, that makes a transform: eq. 7.95 solved for the translation."""
     phi = so3_log(transform[:3, :3])
     angle = np.linalg.norm(phi)
     cross = hat(phi)
@@ -91,8 +71,7 @@ def nearest_rotation(matrix):
 
 def quaternion_to_rotation(quaternion):
     """Quaternion (x, y, z, w), not zero; normalised here -> rotation matrix."""
-    rotation = Rotation.from_quat(quaternion)
-    return rotation.as_matrix() if hasattr(rotation, "as_matrix") else rotation.as_dcm()  # before SciPy 1.4 (Noetic)
+    return _to_matrix(Rotation.from_quat(quaternion))
 
 
 def rotation_to_quaternion(rotation):
@@ -101,14 +80,9 @@ def rotation_to_quaternion(rotation):
     return -quaternion if quaternion[3] < 0.0 else quaternion
 
 
+def _to_matrix(rotation):
+    return rotation.as_matrix() if hasattr(rotation, "as_matrix") else rotation.as_dcm()  # before SciPy 1.4 (Noetic)
+
+
 def _from_matrix(matrix):
     return (Rotation.from_matrix if hasattr(Rotation, "from_matrix") else Rotation.from_dcm)(matrix)
-
-
-def interpolate_pose(first, second, fraction):
-    """Pose between two transforms: straight line in position, constant rate in rotation; fraction 0..1."""
-    if fraction == 0.0 or fraction == 1.0:  # exactly, so that poses at known stamps come back untouched
-        return np.array(second if fraction == 1.0 else first)
-    turn = so3_log(first[:3, :3].T @ second[:3, :3])
-    rotation = first[:3, :3] @ so3_exp(fraction * turn)
-    return make_transform(rotation, (1.0 - fraction) * first[:3, 3] + fraction * second[:3, 3])

@@ -23,7 +23,7 @@ def frames_of(dataset, ids):
 
 
 def pack(dataset, frames):
-    """(dataset, ids) for bag.writer with `frames` as the features; a row holds one track after another."""
+    """(dataset, ids) for as_recording with `frames` as the features; a row holds one track after another."""
     rows, count = max([len(ids) for ids, _ in frames] + [1]), len(frames)
     features, ids = np.full((4, rows, count), -1.0), np.full((rows, count), -1, dtype=np.int64)
     for k, (frame_ids, pixels) in enumerate(frames):

@@ -23,8 +23,8 @@ def read_pose_file(path):
     rows, lines = _read_rows(path)
     if rows.shape[1] == KITTI_COLUMNS:
         return None, _kitti_poses(path, rows, lines)
-    return _tum_stamps(path, rows, lines), quaternions_to_poses(rows[:, 4:], rows[:, 1:4],
-                                                                lambda k: "%s: line %d" % (path, lines[k]))
+    checks.require_stamps(rows[:, 0], "%s: stamp" % path, lambda k: "in line %d" % lines[k])
+    return rows[:, 0], quaternions_to_poses(rows[:, 4:], rows[:, 1:4], lambda k: "%s: line %d" % (path, lines[k]))
 
 
 def read_tum(path):
@@ -108,12 +108,3 @@ def _kitti_poses(path, rows, lines):
                          "orthonormal within %g with determinant +1"
                          % (path, lines[bad], np.linalg.det(matrices[bad, :, :3]), ROTATION_TOLERANCE))
     return np.array([make_transform(nearest_rotation(m[:, :3]), m[:, 3]) for m in matrices])
-
-
-def _tum_stamps(path, rows, lines):
-    stamps = rows[:, 0]
-    try:
-        checks.require_stamps(stamps, "stamp")
-    except InputError as reason:
-        raise InputError("%s: lines %d to %d: %s" % (path, lines[0], lines[-1], reason))
-    return stamps

@@ -3,7 +3,7 @@
 import numpy as np
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import interpolate_pose, inverse
+from vi_ekf_slam.common.geometry import inverse, so3_exp, so3_log
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 
 BODIES = ("imu", "left_camera")
@@ -28,7 +28,9 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
     if body is None:
         body = "left_camera" if stamps is None else "imu"
     if stamps is None:
-        stamps = stamps_of_rows(path, poses, frame_stamps)
+        if len(poses) > len(frame_stamps):
+            raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive" % (path, len(poses), len(frame_stamps)))
+        stamps = frame_stamps[:len(poses)]
     else:
         inside = (stamps >= frame_stamps[0] - STAMP_TOLERANCE) & (stamps <= frame_stamps[-1] + STAMP_TOLERANCE)
         if not inside.any():
@@ -42,29 +44,23 @@ def load_truth(path, frame_stamps, cam_T_imu, body=None, anchored=True):
     return stamps, inverse(poses[0]) @ poses if anchored else poses
 
 
-def stamps_of_rows(path, poses, frame_stamps):
-    """Those of the frames to which the rows of a KITTI file belong; there may be fewer rows than frames."""
-    if len(poses) > len(frame_stamps):
-        raise InputError("%s: has %d rows, allowed: at most the %d frames of the drive" % (path, len(poses), len(frame_stamps)))
-    return frame_stamps[:len(poses)]
-
-
 def sample_poses(stamps, poses, query):
-    """Poses at the stamps `query` (Q,), interpolated between neighbours at most MAX_GAP apart.
+    """Poses at the stamps `query` (Q,), between neighbours at most MAX_GAP apart on a straight line, at a constant rate of turn.
 
     Returns (valid, sampled): valid (Q,) bool tells which stamps the poses reach; sampled (valid.sum(), 4, 4).
     """
-    valid, sampled = np.zeros(len(query), dtype=bool), []
-    for i, stamp in enumerate(query):
-        after = int(np.searchsorted(stamps, stamp))
-        nearest = min((j for j in (after - 1, after) if 0 <= j < len(stamps)), key=lambda j: abs(stamps[j] - stamp))
-        if abs(stamps[nearest] - stamp) <= STAMP_TOLERANCE:
-            pose = poses[nearest]
-        else:
-            if after in (0, len(stamps)) or stamps[after] - stamps[after - 1] > MAX_GAP:
-                continue
-            fraction = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
-            pose = interpolate_pose(poses[after - 1], poses[after], fraction)
-        valid[i] = True
-        sampled.append(pose)
-    return valid, np.array(sampled).reshape(-1, 4, 4)
+    after = np.minimum(np.searchsorted(stamps, query), len(stamps) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(query - stamps[before] <= stamps[after] - query, before, after)
+    known = np.abs(stamps[nearest] - query) <= STAMP_TOLERANCE
+    step = stamps[after] - stamps[before]
+    between = ~known & (stamps[before] < query) & (query < stamps[after]) & (step <= MAX_GAP)
+    sampled = poses[nearest]
+    if between.any():
+        first, second = poses[before[between]], poses[after[between]]
+        share = ((query - stamps[before])[between] / step[between])[:, None]
+        turn = so3_log(np.swapaxes(first[:, :3, :3], 1, 2) @ second[:, :3, :3])
+        sampled[between, :3, :3] = first[:, :3, :3] @ so3_exp(share * turn)
+        sampled[between, :3, 3] = (1.0 - share) * first[:, :3, 3] + share * second[:, :3, 3]
+    valid = known | between
+    return valid, sampled[valid]

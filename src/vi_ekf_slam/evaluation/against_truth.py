@@ -8,7 +8,8 @@ from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import so3_log
 from vi_ekf_slam.dataset.truth import MAX_GAP, STAMP_TOLERANCE, sample_poses
 from vi_ekf_slam.evaluation.consistency import nees, pose_errors
-from vi_ekf_slam.evaluation.gauge import differences_of_up, errors_after_yaw_alignment, frame_change
+from vi_ekf_slam.evaluation.gauge import (covariances_of_frame, differences_of_up, errors_after_yaw_alignment, frame_change,
+                                          most_certain)
 from vi_ekf_slam.evaluation.metrics import (NO_RELATIVE_ERRORS, absolute_trajectory_error, anchored_errors, distances,
                                             kitti_segments, left_camera_poses, mean_kitti_errors, pairs_ahead,
                                             relative_pose_errors, rigid_alignment)
@@ -128,19 +129,46 @@ def _median_step(stamps):
     return float(np.median(np.diff(stamps)))
 
 
-def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose"):
+def judge_covariances(stamps, poses, covariances, truth=None, gauge="pose", map_starts=()):
     """Consistency of world_T_imu poses (N, 4, 4) with covariances (N, 6, 6) in the coordinates of covariance.csv.
 
-    The truth is moved onto the estimate at the first pose that both have (anchor_truth), as far as the gauge is free: the
-    filter too is certain of where it starts.
+    The truth is brought into the estimate's world by frame_of_truth. map_starts: of run_io.read_map_starts.
     """
     if truth is None:
         return Consistency(stamps, None, _deviations(covariances), None, None, None, None)
-    matched, estimate, true_poses, rows = match(stamps, poses, (truth[0], anchor_truth(truth, stamps, poses, gauge)))
-    errors, covariances = pose_errors(estimate, true_poses), covariances[rows]
+    found = match(stamps, poses, truth)
+    world_T_truth, added = frame_of_truth(found, covariances[found.rows], truth, gauge, map_starts)
+    matched, estimate, true_poses, rows = match(stamps, poses, (truth[0], world_T_truth @ truth[1]))
+    errors, covariances = pose_errors(estimate, true_poses), covariances[rows] + added
     return Consistency(matched, errors, _deviations(covariances), nees(errors, covariances),
                        nees(errors[:, :3], covariances[:, :3, :3]), nees(errors[:, 3:], covariances[:, 3:, 3:]),
                        truth_sections(truth[0], matched))
+
+
+def frame_of_truth(found, covariances, truth, gauge, map_starts=()):
+    """(world_T_truth (4, 4), what the covariances (M, 6, 6) lack for errors in this frame, (M, 6, 6) or 0). found: of match.
+
+    As far as the gauge is free, the truth is laid onto a pose m of the estimate, whose error e_m is then that of the frame:
+    what is judged is e_k - A S e_m (gauge.covariances_of_frame). Which pose that is:
+
+    - that with which the map began, where the run has been found in the map of an earlier start: there e_m is 0, and
+      covariances are of e_k. Of several starts it is that by which the first pose's NEES is least.
+    - else the most certain one. In a frame of its own an estimate learns nothing of where that is, so this is the first, at
+      which e_m is 0, or what all later errors contain: the covariance of e_k stays an upper bound.
+    - Where it is a later one, the estimate has learnt its place in a map that is not known here: A S P_m S A^T is added, as
+      for independent errors. What e_k and e_m have in common makes the difference smaller: an honest NEES is 6 at most.
+    """
+    def lay(pair, row):
+        return frame_change(pair.estimate[row], pair.truth[row], gauge)
+    known = [_pair(*start, truth) for start in map_starts]
+    frames = [lay(pair, 0) for pair, start in zip(known, map_starts) if len(pair.stamps) and pair.rows[0] == 0]
+    if frames:
+        first = [pose_errors(found.estimate[:1], frame @ found.truth[:1]) for frame in frames]
+        return frames[int(np.argmin([nees(error, covariances[:1])[0] for error in first]))], 0.0
+    row = most_certain(covariances, gauge)
+    if row == 0:
+        return lay(found, 0), 0.0
+    return lay(found, row), covariances_of_frame(covariances[row], found.estimate[row], found.estimate, gauge)
 
 
 def _deviations(covariances):

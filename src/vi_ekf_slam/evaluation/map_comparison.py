@@ -9,11 +9,12 @@ from matplotlib.patches import Rectangle
 
 from vi_ekf_slam.bag.limits import require_bounded_chunks
 from vi_ekf_slam.bag.opening import open_bag
+from vi_ekf_slam.bag.topics import TYPES
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 from vi_ekf_slam.evaluation.run_io import read_run
-from vi_ekf_slam.evaluation.top_view import plain, view_limits
+from vi_ekf_slam.evaluation.top_view import plain, show_view, view_limits
 
 COLORS = ("tab:blue", "tab:red")  # last seen in the first half of the drive, in the second
 LEAST_FRAMES = 10  # landmarks that were seen less often blur any map
@@ -22,7 +23,7 @@ ZOOM_PLACES = 200  # along the trajectory that are tried
 
 
 class Map:
-    """ids (L,) and positions (L, 3) m of the landmarks of a run, and its trajectory (N, 3) m."""
+    """ids (L,) and positions (L, 3) m of the landmarks of a run, and its trajectory (N, 3) m at stamps (N,) s."""
 
     def __init__(self, folder):
         run = read_run(folder)
@@ -31,7 +32,7 @@ class Map:
         if len(run.landmarks):  # of 64 bits
             self.ids = np.loadtxt(path, np.uint64, delimiter=",", skiprows=1, usecols=0, ndmin=1)
         self.positions = run.landmarks
-        self.trajectory = run.poses[:, :3, 3]
+        self.trajectory, self.stamps = run.poses[:, :3, 3], run.stamps
 
     def select(self, tracks, least):
         """Landmarks seen in `least` frames or more: (positions, whether they were last seen in the second half)."""
@@ -41,11 +42,13 @@ class Map:
 
 
 def read_tracks(path, topic):
-    """{id: (frames in which it is seen, share of the drive, 0 to 1, after which it is not any more)} of a bag's features."""
+    """({id: (frames in which it is seen, share of the drive, 0 to 1, after which it is not any more)}, stamps (N,) s) of a bag's
+    features."""
     stamps, tracks = [], {}
     with open_bag(path) as bag:
         require_bounded_chunks(bag, path)
-        for _, message, _ in bag.read_messages([topic]):
+        kind = getattr(bag.get_type_and_topic_info().topics.get(topic), "msg_type", None)
+        for _, message, _ in bag.read_messages([topic]) if kind in TYPES["features"] else ():
             stamps.append(message.header.stamp.to_sec())
             for feature in message.features:
                 tracks[feature.id] = (tracks.get(feature.id, (0, 0.0))[0] + 1, stamps[-1])
@@ -53,7 +56,7 @@ def read_tracks(path, topic):
         raise InputError("%s: has no features on %s; of pictures, run_bag --save-features OUT.bag makes a bag that has them"
                          % (path, topic))
     length = max(stamps[-1] - stamps[0], 1e-9)
-    return {id_: (frames, (stamp - stamps[0]) / length) for id_, (frames, stamp) in tracks.items()}
+    return {id_: (frames, (stamp - stamps[0]) / length) for id_, (frames, stamp) in tracks.items()}, np.array(stamps)
 
 
 def common_place(trajectory, selected, side):
@@ -85,13 +88,7 @@ def draw(maps, names, selected, limits, zoom):
                 plot.scatter(chosen[:, 0], chosen[:, 1], s=size, c=color, linewidths=0, alpha=0.7,
                              label="last seen in the %s half of the drive" % ("first", "second")[half])
             plot.plot(m.trajectory[:, 0], m.trajectory[:, 1], color="black", linewidth=0.8, label="trajectory")
-            plot.set_xlim(*view[0])
-            plot.set_ylim(*view[1])
-            plot.set_aspect("equal")
-            plot.grid(True, linewidth=0.4, alpha=0.5)
-            plot.set_axisbelow(True)
-            plot.set_xlabel("x, seen from above (m)")
-            plot.set_ylabel("y, seen from above (m)")
+            show_view(plot, view)
         axes[0, column].set_title(plain(name), fontsize=12)
         (x_low, x_high), (y_low, y_high) = zoom
         axes[0, column].add_patch(Rectangle((x_low, y_low), x_high - x_low, y_high - y_low, fill=False, linewidth=1.2))
@@ -122,7 +119,10 @@ def compare_maps(options):
     if len(names) != len(options.runs):
         raise InputError("--names has %d names for %d runs, allowed: one each" % (len(names), len(options.runs)))
     maps = [Map(run) for run in options.runs]
-    tracks = read_tracks(options.bag, options.features)
+    tracks, stamps = read_tracks(options.bag, "/" + options.features.lstrip("/"))
+    for run, m in zip(options.runs, maps):  # ids are as small elsewhere
+        if m.stamps[0] > stamps[-1] or m.stamps[-1] < stamps[0]:
+            raise InputError("%s: is of another time than the features of %s, allowed: runs over that bag" % (run, options.bag))
     selected = [m.select(tracks, options.least) for m in maps]
     limits = view_limits([m.trajectory for m in maps], landmarks=np.vstack([positions for positions, _ in selected]))
     zoom = zoom_limits(options.zoom, maps, selected, limits)

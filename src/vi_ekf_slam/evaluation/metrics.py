@@ -17,15 +17,15 @@ RelativeErrors.__doc__ = """RMS over `count` pairs of poses: translation in m, r
 NO_RELATIVE_ERRORS = RelativeErrors(float("nan"), float("nan"), 0)
 
 
-def rigid_alignment(source, target):
+def rigid_alignment(source, target, nearest=nearest_rotation):
     """The transform target_T_source, without scale, that minimises sum |target_T_source p_i - q_i|^2.
 
     source, target: (N, 3) points, N >= 1. Umeyama, IEEE PAMI 13(4), 1991; the determinant is kept at +1, so that a
-    planar or noisy cloud is never mirrored.
+    planar or noisy cloud is never mirrored. nearest: of the rotations that are allowed the one next to a matrix (3, 3).
     """
     source, target = _same_length(source, target, (3,))
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-    rotation = nearest_rotation((target - target_mean).T @ (source - source_mean))
+    rotation = nearest((target - target_mean).T @ (source - source_mean))
     return make_transform(rotation, target_mean - rotation @ source_mean)
 
 

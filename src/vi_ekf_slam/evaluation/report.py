@@ -26,9 +26,11 @@ DEFINITIONS = {
     "rpe": "m, deg: RMSE of inv(inv(Q_i) Q_j) inv(P_i) P_j (truth Q, estimate P) over all i; j is the next frame, "
            "the first at least %g s later, the first at least %g m of true path later" % (RPE_SECONDS, RPE_METRES),
     "smoothed": "trajectory_smoothed.tum: the same moments as they are known at the end of the run",
-    "pose_nees": "of the IMU's pose: error (p^ - p, Log(R^ R^T)) about the world's axes with covariance.csv, the truth "
-                 "laid onto the first matched pose as far as the gauge is free; mean over the poses, 6 is right (3 for "
-                 "position or rotation alone)",
+    "pose_nees": "of the IMU's pose: error (p^ - p, Log(R^ R^T)) about the world's axes with covariance.csv; mean over the "
+                 "poses, 6 is right (3 for position or rotation alone). As far as the gauge is free the truth is laid onto "
+                 "the first matched pose; of a run that was found in the map of an earlier start (before_reset_N), onto that "
+                 "start's; in a map of which no start is known, onto the most certain pose, whose covariance, carried to each "
+                 "other pose, is added there: 6 is then the most that is right",
     "gauge": "what of the world frame the estimate chose: pose (all of it), yaw (heading and position) or none (it was given "
              "a state in the truth's frame)",
     "within_bounds": "%: poses whose NEES lies within the 95 % bounds of a chi-square variable",

@@ -149,7 +149,8 @@ def _judge(path, name, bag, truth_file, body, options):
     subject.bag, subject.truth_body = bag, options.truth_body
     if options.export_kitti and subject.cam_T_imu is None:
         raise InputError("%s: has no extrinsic, which --export-kitti needs" % bag)
-    truth = find_truth(truth_file, options.truth_body, subject.stamps, reference, subject.gauge)
+    stamps = np.sort(np.concatenate([subject.stamps] + [start for start, _ in subject.map_starts]))
+    truth = find_truth(truth_file, options.truth_body, stamps, reference, subject.gauge)
     subject.truth, subject.cam_T_imu = of_body(truth, reference, subject.summary)
     try:
         return judge_subject(subject)
@@ -170,10 +171,11 @@ def judge_subject(subject):
         if later:
             smoothed = evaluate(*later, *how)
         truth = None if positions_only else truth  # without orientations it says nothing of the covariances
+    frame = (truth, subject.gauge, subject.map_starts)
     if subject.covariances is not None:
-        consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, truth, subject.gauge)
+        consistency = judge_covariances(subject.stamps, subject.poses, subject.covariances, *frame)
     if later and truth is not None and subject.smoothed_covariances is not None:
-        smoothed_consistency = judge_covariances(*later, subject.smoothed_covariances, truth, subject.gauge)
+        smoothed_consistency = judge_covariances(*later, subject.smoothed_covariances, *frame)
     return Result(subject, slam, dead, consistency, smoothed, smoothed_consistency)
 
 

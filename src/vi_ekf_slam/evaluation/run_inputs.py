@@ -9,7 +9,7 @@ from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.dataset.truth import load_truth
 from vi_ekf_slam.evaluation.gauge import gauge_of
-from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_run, read_summary
+from vi_ekf_slam.evaluation.run_io import read_covariances, read_frames, read_map_starts, read_run, read_summary
 
 
 class Subject:
@@ -21,7 +21,7 @@ class Subject:
     covariances, smoothed_covariances (N, 6, 6) of the poses and of run.smoothed, or None; frames: columns of frames.csv or None.
     gauge: of gauge.GAUGES. cam_T_imu: 4 x 4 or None. truth: (stamps, poses of the same body) in any world frame, or None.
     truth_body: of truth.BODIES, as the user said, or None.
-    bag: path of its bag or None.
+    bag: path of its bag or None. map_starts: of run_io.read_map_starts.
     """
 
     def __init__(self, name, source, trajectory):
@@ -30,6 +30,7 @@ class Subject:
         self.gauge = "pose"
         self.dead_reckoning = self.run = self.covariances = self.frames = self.cam_T_imu = self.truth = self.bag = None
         self.smoothed_covariances = self.truth_body = None
+        self.map_starts = []
 
     @property
     def summary(self):
@@ -53,7 +54,7 @@ def body_of(path):
 def find_truth(path, body, stamps, reference, gauge="pose"):
     """Truth as (stamps, IMU poses), from the file if there is one and else from the bag; None where neither has it.
 
-    body: whose poses the file holds, see truth.load_truth. stamps (N,) s: those of the run. reference: of read_bag.
+    body: whose poses the file holds, see truth.load_truth. stamps (N,) s: those of the run, and of starts in whose map it may be. reference: of read_bag.
     gauge: of gauge.GAUGES; but for "pose" the file's world must have z upwards.
     """
     if not path:
@@ -100,6 +101,8 @@ def read_subject(path, name, reference=None, body=None, gauge=None):
         subject = Subject(name, path, (run.stamps, run.poses))
         subject.run, subject.dead_reckoning = run, (run.dead_stamps, run.dead_poses)
         subject.covariances = read_covariances(os.path.join(path, "covariance.csv"), run.stamps)
+        if subject.covariances is not None:
+            subject.map_starts = read_map_starts(path, run.summary, run.stamps, subject.covariances)
         if run.smoothed:
             subject.smoothed_covariances = read_covariances(os.path.join(path, "covariance_smoothed.csv"), run.smoothed[0])
         subject.frames = read_frames(os.path.join(path, "frames.csv"))

@@ -12,6 +12,8 @@ from vi_ekf_slam.dataset.pose_files import read_tum
 LANDMARK_COLUMNS = ["id", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz"]
 FRAME_COLUMNS = ("stamp", "features", "used", "rejected", "landmarks", "frame_rejected", "nis", "nis_dof")
 FRAME_TIME = "update_ms"  # wall time in ms that the estimator took for the frame
+CERTAIN = 0.01  # m, rad: an estimate begins with far less
+AT_ONCE = 0.5  # s: frames come faster, and shorter gaps end no start
 COVARIANCE_COLUMNS = ["xyzabc"[row] + "xyzabc"[column] for row in range(6) for column in range(row, 6)]
 
 
@@ -104,6 +106,34 @@ def read_covariances(path, stamps):
     for name, row, column in zip(COVARIANCE_COLUMNS, *np.triu_indices(6)):
         result[:, row, column] = result[:, column, row] = columns[name]
     return result
+
+
+def read_map_starts(folder, summary, stamps, covariances):
+    """[(stamps, poses)] of earlier starts in whose map a run that was relocalised may be.
+
+    Those are in folder/before_reset_N. A start is certain of its own frame, what was found in a map is not. The last poses of
+    a start that goes on at once in a map were in a frame that is given up then, so it is left out.
+    """
+    if not summary.get("relocalisations") or _is_certain(covariances[0]):
+        return []
+    starts, following = [], (stamps[0], False)
+    for number in range(len(summary.get("poses_before_resets") or []), 0, -1):
+        earlier = os.path.join(folder, "before_reset_%d" % number)
+        if not os.path.isdir(earlier):
+            continue
+        trajectory = read_tum(os.path.join(earlier, "trajectory.tum"))
+        earlier_covariances = read_covariances(os.path.join(earlier, "covariance.csv"), trajectory[0])
+        certain = earlier_covariances is not None and _is_certain(earlier_covariances[0])
+        given_up = not following[1] and abs(following[0] - trajectory[0][-1]) < AT_ONCE
+        if certain and not given_up:
+            starts.append(trajectory)
+        following = trajectory[0][0], certain
+    return starts
+
+
+def _is_certain(covariance):
+    """Of position and heading."""
+    return bool(np.all(np.diag(covariance)[[0, 1, 2, 5]] < CERTAIN**2))
 
 
 def read_frames(path):

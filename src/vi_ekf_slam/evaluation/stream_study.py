@@ -54,12 +54,12 @@ def checksum(path):
 
 def run_stream(path, folder, config=None):
     """(number of frames judged, Figures) of one stream; bag, configuration and run are left in `folder`."""
-    from vi_ekf_slam.bag.recording_writer import record_recording, side_files  # needs ROS
+    from vi_ekf_slam.bag.writer import record, side_files  # needs ROS
     from vi_ekf_slam.recordings.inertial_npz import load_inertial_npz
     make_directory(folder)
     recording = load_inertial_npz(path, DEFAULT_MAX_MEMORY_MB)
     bag, output = os.path.join(folder, "drive.bag"), os.path.join(folder, "run")
-    record_recording(recording, bag, quiet=True)
+    record(recording, bag, quiet=True)
     noise, start = sorted(side_files(recording, bag), key=lambda file: file.endswith(".initial_state.yaml"))
     calibrated = os.path.join(folder, "config.yaml")
     write_text(calibrated, calibrated_config(config or package_file("config", "default.yaml"), noise))

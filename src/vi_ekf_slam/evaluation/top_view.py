@@ -47,16 +47,16 @@ def view_limits(trajectories, min_aspect=MIN_ASPECT, landmarks=()):
     return tuple((float(c - h), float(c + h)) for c, h in zip(centre, half))
 
 
-def count_outside(points, limits):
-    """Number of points (N, 2 or more) outside ((x_min, x_max), (y_min, y_max))."""
-    (x_min, x_max), (y_min, y_max) = limits
-    x, y = points[:, 0], points[:, 1]
-    return int(np.sum(~((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max))))
+def inside(points, limits):
+    """(N,): which of the points (N, 2 or more) are within ((x_min, x_max), (y_min, y_max))."""
+    low, high = np.transpose(limits)
+    return np.all((points[:, :2] >= low) & (points[:, :2] <= high), axis=1)
 
 
 def plain(name):
-    """A name as text of a picture, which takes what is between dollars for mathematics, and leaves `_a` out of its legend."""
-    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
+    """A name as text of a picture, which takes what is between dollars for mathematics, and leaves `_a` out of its legend; bytes
+    of a path that are no UTF-8 are question marks."""
+    return (" " if name.startswith("_") else "") + name.encode(errors="replace").decode().replace("$", r"\$")
 
 
 def draw_run(title, slam, dead_reckoning, truth, landmarks, deviations, covariances=None, smoothed=None):
@@ -115,12 +115,9 @@ def draw_alignments(title, panels):
 
 def spread_out(points, deviations, limits, cell):
     """Indices of one point for each occupied square of side `cell` (m) in the view: that of the median deviation."""
-    (x_min, x_max), (y_min, y_max) = limits
-    inside = np.flatnonzero((points[:, 0] >= x_min) & (points[:, 0] <= x_max) & (points[:, 1] >= y_min)
-                            & (points[:, 1] <= y_max))
-    squares = {}
-    for k in inside[np.argsort(deviations[inside], kind="stable")]:
-        squares.setdefault(tuple(np.floor((points[k, :2] - (x_min, y_min)) / cell).astype(int)), []).append(k)
+    within, low, squares = np.flatnonzero(inside(points, limits)), np.transpose(limits)[0], {}
+    for k in within[np.argsort(deviations[within], kind="stable")]:
+        squares.setdefault(tuple(np.floor((points[k, :2] - low) / cell).astype(int)), []).append(k)
     return np.array(sorted(members[(len(members) - 1) // 2] for members in squares.values()), dtype=int)
 
 
@@ -159,6 +156,11 @@ def _draw_lines(axes, lines, limits):
     start = lines[-1][1][0]
     axes.plot(start[0], start[1], color="tab:red", marker="o", markersize=6, markeredgecolor="white",
               linestyle="none", label="start", zorder=6)
+    show_view(axes, limits)
+
+
+def show_view(axes, limits):
+    """Axes of a picture from above that shows ((x_min, x_max), (y_min, y_max)) m."""
     axes.set_aspect("equal")
     axes.set_xlim(*limits[0])
     axes.set_ylim(*limits[1])
@@ -170,7 +172,7 @@ def _draw_lines(axes, lines, limits):
 
 def _draw_landmarks(figure, axes, landmarks, deviations, covariances, limits, colors):
     usable = np.isfinite(deviations) & (deviations > 0.0)
-    outside = count_outside(landmarks, limits)
+    outside = int(np.sum(~inside(landmarks, limits)))
     if usable.any():
         norm = LogNorm(*(colors or color_limits(deviations)))
         points = axes.scatter(landmarks[usable, 0], landmarks[usable, 1], c=deviations[usable], s=5, linewidths=0,

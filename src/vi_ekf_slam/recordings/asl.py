@@ -129,10 +129,11 @@ def _camera_images(camera, faults):
 
 def _truth(folder, base, recording, body_T_imu, options, faults):
     """(truth of a Recording or None, where it is from)."""
-    frames, found = recording.frame_stamps, None
+    frames = recording.frame_stamps
+    where = (None if len(faults) else frames, recording.imu_T_left, np.eye(3), faults)
     if options.truth:
         source = options.truth
-        found = truth_poses.file_truth(source, options.truth_body, frames, recording.imu_T_left, np.eye(3))
+        found = truth_poses.file_truth(source, options.truth_body, *where)
     else:
         tables = [os.path.join(base, name, "data.csv") for name in ("state_groundtruth_estimate0", "mocap0")]
         source = next(filter(os.path.exists, tables + [os.path.join(folder, "truth_imu.tum")]), None)
@@ -142,7 +143,7 @@ def _truth(folder, base, recording, body_T_imu, options, faults):
             stamps, world_T_body = truth_poses.asl_truth(source, faults)
             found = stamps, world_T_body @ body_T_imu
         else:
-            found = truth_poses.file_truth(source, "imu", frames, recording.imu_T_left, np.eye(3))
+            found = truth_poses.file_truth(source, "imu", *where)
     truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]))
     truth_poses.require_meeting(truth, options.truth)
     return (truth, source) if truth is not None else (None, "none (%s is of another time)" % source)

@@ -113,6 +113,14 @@ def numbers(values, shape, name):
     return array
 
 
+def matrix(values, shape, name):
+    """The same of what gives its rows one after the other."""
+    array = numbers(values, (None,), name)
+    if array.size != np.prod(shape):
+        raise InputError("%s has %d numbers, allowed: %d" % (name, array.size, np.prod(shape)))
+    return array.reshape(shape)
+
+
 def transform(values, name):
     """4 x 4 rigid transform of 16 numbers, row by row; InputError names `name`."""
     try:

@@ -63,6 +63,9 @@ class Faults:
         """One of them."""
         self._texts.append(text)
 
+    def __len__(self):
+        return len(self._texts)
+
     def is_whole(self, path, size):
         """Whether an image can be used; else it is added. size: (width, height) of the calibration."""
         try:

@@ -33,20 +33,21 @@ def load_kitti_raw(folder, options):
     recording = Recording(
         os.path.basename(os.path.abspath(folder)), images=images, left=left, right=right, imu_T_left=inverse(cam_T_imu),
         left_T_right=make_transform(np.eye(3), [baseline, 0.0, 0.0]),
-        imu=Imu(stamps, oxts[:, RATE], oxts[:, ACCELERATION], None), notes=faults.notes())
+        imu=Imu(stamps, oxts[:, RATE], oxts[:, ACCELERATION], None))
     if options.velocity:
         recording.velocity = Velocity(stamps, oxts_velocities(oxts), options.velocity_sigma)
     path = options.truth or os.path.join(folder, "truth_left_camera.txt")
     if options.truth or os.path.exists(path):
         first = int(np.argmin(np.abs(stamps - rows[0])))
         upright = oxts_rotation(*oxts[first, [ROLL, PITCH]], 0.0)
-        found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, upright)
+        found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, upright, faults)
         recording.notes.append("truth from: %s, roll and pitch of the start from oxts" % path)
     else:
         found = stamps, oxts_poses(oxts)
         recording.notes.append("truth from: oxts (GPS and INS, by the Mercator projection)")
     recording.truth = truth_poses.within(*found, recording.start, max(frames[-1], stamps[-1]))
     truth_poses.require_meeting(recording.truth, options.truth)
+    recording.notes += faults.notes()
     return recording
 
 
@@ -80,15 +81,16 @@ def load_kitti_odometry(folder, options):
         os.path.basename(os.path.abspath(folder)), images=images, left=left, right=right,
         imu_T_left=make_transform(BODY_R_OPTICAL, np.zeros(3)),
         left_T_right=make_transform(np.eye(3), [baseline, 0.0, 0.0]),
-        notes=["stamps: times.txt and 1 s", "IMU: none; the body is the left camera, x forward"] + faults.notes())
+        notes=["stamps: times.txt and 1 s", "IMU: none; the body is the left camera, x forward"])
     number = os.path.basename(os.path.abspath(folder))
     beside = [os.path.join(folder, "poses.txt"), os.path.join(folder, "..", "..", "poses", number + ".txt")]
     path = options.truth or next(filter(os.path.exists, beside), None)
     if path:
-        found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, np.eye(3))
+        found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, np.eye(3), faults)
         recording.truth = truth_poses.within(*found, recording.start, int(images.stamps[-1]))
         truth_poses.require_meeting(recording.truth, options.truth)
         recording.notes.append("truth from: %s, upwards where the first picture has it" % path)
+    recording.notes += faults.notes()
     return recording
 
 

@@ -12,6 +12,9 @@ Imu = namedtuple("Imu", "stamps angular_velocity acceleration noise")
 Imu.__doc__ = """stamps (N,) ns; angular_velocity (N, 3) rad/s, acceleration (N, 3) m/s^2: specific force, IMU axes.
 noise: imu_noise.ImuNoise or None where the recording does not say."""
 
+Gyro = namedtuple("Gyro", "stamps angular_velocity sigma")
+Gyro.__doc__ = """Without an accelerometer. stamps (N,) ns; angular_velocity (N, 3) rad/s, IMU axes; sigma: standard deviation of each."""
+
 Velocity = namedtuple("Velocity", "stamps linear sigma")
 Velocity.__doc__ = """stamps (N,) ns; linear (N, 3) m/s of the IMU in its axes; sigma: standard deviation of each, m/s."""
 
@@ -33,16 +36,17 @@ InitialState.__doc__ = """A state to start from, see initial_state.py. stamp ns;
 class Recording:
     """One drive. What it does not have is None.
 
-    name: for reports.  imu: Imu.  velocity: Velocity.  features: Features.  images: Images.
+    name: for reports.  imu: Imu, or gyro: Gyro.  velocity: Velocity.  features: Features.  images: Images.
     left, right: Camera.  imu_T_left, left_T_right: 4 x 4, of the cameras that the images or features are from.
     truth: (stamps (N,) ns, map_T_imu (N, 4, 4)).  initial_state: InitialState.
+    bias_sigmas: m/s of the velocity's and rad/s of the gyro's constant bias, standard deviations.
     notes: list of text, what a reader should know about how the drive was read.
     """
 
     def __init__(self, name, **fields):
         self.name = name
-        self.imu = self.velocity = self.features = self.images = self.left = self.right = None
-        self.imu_T_left = self.left_T_right = self.truth = self.initial_state = None
+        self.imu = self.gyro = self.velocity = self.features = self.images = self.left = self.right = None
+        self.imu_T_left = self.left_T_right = self.truth = self.initial_state = self.bias_sigmas = None
         self.notes = []
         for key in fields:
             if not hasattr(self, key):
@@ -57,7 +61,7 @@ class Recording:
     @property
     def start(self):
         """The first stamp, ns."""
-        streams = (self.imu, self.velocity, self.features, self.images)
+        streams = (self.imu, self.gyro, self.velocity, self.features, self.images)
         return int(min(stream.stamps[0] for stream in streams if stream is not None))
 
 

@@ -12,8 +12,8 @@ from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.common.yaml_file import read_mapping
 from vi_ekf_slam.dataset.extrinsic import check_transform
 from vi_ekf_slam.recordings import asl
-from vi_ekf_slam.recordings.calibration_files import (camchain, contradictions, numbers, sensor_camera, sensor_pose,
-                                                      timeshift, transform)
+from vi_ekf_slam.recordings.calibration_files import (camchain, contradictions, matrix, numbers, sensor_camera,
+                                                      sensor_pose, timeshift, transform)
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera
@@ -128,21 +128,18 @@ def _ros_camera(path):
     if model not in ROS_MODELS:
         raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(ROS_MODELS))))
 
-    def matrix(key, *shape):
+    def data(key):
         entry = values.get(key)
-        array = numbers(entry.get("data") if isinstance(entry, dict) else entry, (None,), "%s: %s" % (path, key))
-        if shape and array.size != np.prod(shape):
-            raise InputError("%s: %s has %d numbers, allowed: %d" % (path, key, array.size, np.prod(shape)))
-        return array.reshape(shape) if shape else array
-    distortion = matrix("distortion_coefficients")
+        return entry.get("data") if isinstance(entry, dict) else entry
+    distortion = numbers(data("distortion_coefficients"), (None,), path + ": distortion_coefficients")
     if distortion.size not in ROS_MODELS[model]:
         raise InputError("%s: distortion_coefficients has %d numbers, allowed with %s: %s"
                          % (path, distortion.size, model, " or ".join(map(str, ROS_MODELS[model]))))
-    intrinsics, projection = matrix("camera_matrix", 3, 3), matrix("projection_matrix", 3, 4)
+    intrinsics, projection, rotation = (matrix(data(key), shape, "%s: %s" % (path, key)) for key, shape in (
+        ("camera_matrix", (3, 3)), ("projection_matrix", (3, 4)), ("rectification_matrix", (3, 3))))
     checks.require_intrinsics(intrinsics, path + ": camera_matrix")
     checks.require_intrinsics(projection[:, :3], path + ": projection_matrix")
-    rotation = check_transform(make_transform(matrix("rectification_matrix", 3, 3), np.zeros(3)),
-                               path + ": rectification_matrix")[:3, :3]
+    rotation = check_transform(make_transform(rotation, np.zeros(3)), path + ": rectification_matrix")[:3, :3]
     if model == "plumb_bob" and distortion.size == 4:
         distortion = np.append(distortion, 0.0)
     return Camera(size, intrinsics, "equidistant" if model == "fisheye" else model, distortion, rotation, projection)

@@ -6,7 +6,6 @@ from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import inverse, make_transform
 from vi_ekf_slam.dataset.pose_files import quaternions_to_poses, read_pose_file
-from vi_ekf_slam.dataset.truth import stamps_of_rows
 from vi_ekf_slam.evaluation.gauge import frame_change
 from vi_ekf_slam.recordings.csv_table import read_table
 
@@ -29,16 +28,23 @@ def asl_truth(path, faults):
     return stamps, quaternions_to_poses(values[:, [4, 5, 6, 3]], values[:, :3], lambda k: "%s: pose %d" % (path, k))
 
 
-def file_truth(path, body, frame_stamps, imu_T_cam, upright):
+def file_truth(path, body, frame_stamps, imu_T_cam, upright, faults):
     """(stamps ns, world_T_imu) of a pose file, TUM (whose world has z upwards) or KITTI.
 
-    Row k of a KITTI file is the left camera at frame k, in the axes of its first pose. frame_stamps (T,) ns.
-    imu_T_cam 4 x 4. upright (3, 3): the first IMU pose in a world with z upwards, for KITTI files.
+    Row k of a KITTI file is the left camera at frame k, in the axes of its first pose; surplus rows are added to `faults`.
+    frame_stamps: (T,) ns, or None where they are not those of all frames. imu_T_cam 4 x 4. upright (3, 3): the first IMU pose
+    in a world with z upwards, for KITTI files.
     """
     stamps, poses = read_pose_file(path)
     is_kitti = stamps is None
     if is_kitti:
-        stamps = stamps_of_rows(path, poses, frame_stamps)
+        if frame_stamps is None:
+            raise InputError("%s: is in KITTI's format, whose rows are counted by frames, of which some are left out, allowed: a "
+                             "TUM file" % path)
+        if len(poses) > len(frame_stamps):
+            faults.add("%s: has %d rows, the drive %d frames" % (path, len(poses), len(frame_stamps)))
+        poses = poses[:len(frame_stamps)]
+        stamps = frame_stamps[:len(poses)]
     else:
         stamps = checks.nanoseconds(stamps)
     if body == "left_camera" or (body is None and is_kitti):

@@ -18,7 +18,7 @@ class Report:
     def __init__(self, name):
         self.name = name
         self.findings = []
-        self.pictures = []  # (title, check, draw(axes))
+        self.pictures = []  # (title, check, draw(axes), x, y)
         self._check = None
         self._red = {}  # check: what of it is red
 
@@ -48,9 +48,9 @@ class Report:
         """The data do not tell."""
         self.findings.append(Finding(UNJUDGED, self._check, "not judged", "", "", reason))
 
-    def draw(self, title, draw):
-        """A picture to this check; draw(axes) is called where pictures are wanted."""
-        self.pictures.append((title, self._check, draw))
+    def draw(self, title, draw, x="", y=""):
+        """A picture to this check; draw(axes) is called where pictures are wanted. x, y: what the axes show, with its unit."""
+        self.pictures.append((title, self._check, draw, x, y))
 
     def of_level(self, level):
         """The findings of one level, in order."""

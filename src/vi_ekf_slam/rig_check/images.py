@@ -47,7 +47,10 @@ def read_pairs(rig, pairs):
 def _decode(message):
     """(rows, columns) uint8 or uint16 of a sensor_msgs/Image or CompressedImage; None where that cannot be."""
     if hasattr(message, "format"):
-        return cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+        try:
+            return cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+        except cv2.error:  # of no bytes, or of a size beyond all pictures
+            return None
     if message.encoding not in ENCODINGS:
         return None
     bits, channels, conversion = ENCODINGS[message.encoding]

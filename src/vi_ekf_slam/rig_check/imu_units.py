@@ -24,7 +24,7 @@ def check_accelerometer(rig, report):
     norms = np.linalg.norm(rig.imu.acceleration[np.isfinite(rig.imu.acceleration).all(axis=1)], axis=1)
     mean = float(np.mean(norms))
     limit = "%.3g to %.3g m/s^2" % (LEAST * GRAVITY, MOST * GRAVITY)
-    report.draw("norm of the acceleration, m/s^2", _draw_norm(rig))
+    report.draw("norm of the acceleration, m/s^2", _draw_norm(rig), "stamp, s", "m/s^2")
     if LEAST * GRAVITY <= mean <= MOST * GRAVITY:
         rest = at_rest(rig)
         if rest.any():
@@ -53,9 +53,6 @@ def _draw_norm(rig):
     def draw(axes):
         axes.plot(rig.seconds(rig.streams["imu"].stamps), np.linalg.norm(rig.imu.acceleration, axis=1), linewidth=0.5)
         axes.axhline(GRAVITY, color="C2", linewidth=1.0, label="gravity")
-        axes.set_xlabel("stamp, s")
-        axes.set_ylabel("m/s^2")
-        axes.legend(loc="upper right")
     return draw
 
 

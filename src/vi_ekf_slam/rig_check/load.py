@@ -30,9 +30,7 @@ def check_load(rig, report):
         span = _copy(rig, part)
         command = [program, part, "--output", os.path.join(folder, "run"), "--quiet"]
         for name, topic in sorted(rig.topics.items()):
-            option = {"left_info": "--left-info", "right_info": "--right-info", "left_image": "--left-image",
-                      "right_image": "--right-image", "wheel_odometry": "--wheel-odometry"}.get(name, "--" + name)
-            command += [option, topic[:-len("/compressed")] if topic.endswith("/compressed") else topic]
+            command += ["--" + name.replace("_", "-"), topic[:-len("/compressed")] if topic.endswith("/compressed") else topic]
         before = _children_s()
         try:
             done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=LIMIT)

@@ -60,8 +60,8 @@ def page(report):
             ("unjudged" if finding.level == UNJUDGED else finding.level,) + tuple(escape(part) for part in (
                 finding.level, finding.check, finding.text, finding.figure, finding.limit, finding.advice))))
     figures = ["<figure><img alt=\"%s\" src=\"data:image/png;base64,%s\"/><figcaption>%s: %s</figcaption></figure>" % (
-        escape(title), base64.b64encode(_png(draw)).decode("ascii"), escape(check), escape(title))
-        for title, check, draw in report.pictures]
+        escape(title), base64.b64encode(_png(draw, x, y)).decode("ascii"), escape(check), escape(title))
+        for title, check, draw, x, y in report.pictures]
     head = ('<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/><meta http-equiv="Content-Security-Policy" content="%s"/>'
             '<meta name="viewport" content="width=device-width, initial-scale=1"/><title>%s</title><style>%s%s</style></head><body>')
     return "\n".join(
@@ -72,12 +72,17 @@ def page(report):
         ["</div>", "</body></html>", ""])
 
 
-def _png(draw):
+def _png(draw, x, y):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     figure = Figure(figsize=(7.0, 3.6), dpi=90)
     FigureCanvasAgg(figure)
-    draw(figure.add_subplot(111))
+    axes = figure.add_subplot(111)
+    draw(axes)
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", markerscale=2)
     figure.tight_layout()
     stream = io.BytesIO()
     figure.savefig(stream, format="png")

@@ -31,10 +31,13 @@ def check_pictures(rig, report):
         rows.append([_measure(left), _measure(right)])
         sizes |= {left.shape[::-1], right.shape[::-1]}
         shown = shown or (left, right)
+    lost = "%d of %d pairs" % (len(chosen) - len(rows), len(chosen))
     if len(rows) < len(chosen) // 2:
-        report.red("pictures cannot be decoded", "%d of %d pairs" % (len(chosen) - len(rows), len(chosen)), "all",
+        report.red("pictures cannot be decoded", lost, "none",
                    "encodings: mono8, mono16, bgr8, rgb8, Bayer, yuv422; JPEG or PNG on /compressed")
         return
+    if len(rows) < len(chosen):
+        report.yellow("some pictures cannot be decoded", lost, "none", "does the driver or the link lose data?")
     report.draw("a pair", _draw_pair(*shown))
     size = rig.cameras[0].size if rig.cameras else None
     if size and size[0] and any(tuple(s) != tuple(size) for s in sizes):

@@ -83,7 +83,8 @@ def _align(rig, report):
     if a is None or turning < needed:
         report.unjudged("the rig hardly turns (%.2g rad/s of the camera, %.2g are needed): turn it about all axes" % (turning, needed))
         return False
-    report.draw("correlation of the rates over the offset of the clocks", _draw_offsets(a))
+    report.draw("correlation of the rates over the offset of the clocks", _draw_offsets(a),
+                "added to the camera's stamps, ms", "correlation")
     if a.correlation < LEAST_CORRELATION:
         gyro_rate = float(np.sqrt(np.sum(a.gyro**2) / max(1, len(a.gyro))))
         if turning > 3.0 * needed and a.correlation < 0.5:
@@ -112,7 +113,8 @@ def check_rotation(rig, report):
         return
     stated = rig.cam_T_imu[:3, :3]
     found = align.misalignment(a, stated)
-    report.draw("rates about the camera's axes without their means: camera (points), gyro by the stated rotation (lines)", _draw_rates(a, stated))
+    report.draw("rates about the camera's axes without their means: camera (points), gyro by the stated rotation (lines)", _draw_rates(a, stated),
+                "s", "rad/s")
     angle, known = np.degrees(found.angle), np.degrees(found.known)
     figure = "known to %.2f deg about the worst axis" % known
     limit = "%.1f deg" % np.degrees(ANGLE_YELLOW)
@@ -189,8 +191,6 @@ def _draw_offsets(a):
     def draw(axes):
         axes.plot(1e3 * a.correlations[0], a.correlations[1])
         axes.axvline(1e3 * a.offset, color="C3", linewidth=0.8)
-        axes.set_xlabel("added to the camera's stamps, ms")
-        axes.set_ylabel("correlation")
     return draw
 
 
@@ -200,7 +200,4 @@ def _draw_rates(a, stated):
         for k, name in enumerate("xyz"):
             axes.plot(a.times, a.camera[:, k], ".", markersize=3, color="C%d" % k)
             axes.plot(a.times, predicted[:, k], linewidth=0.8, color="C%d" % k, label=name)
-        axes.set_xlabel("s")
-        axes.set_ylabel("rad/s")
-        axes.legend(loc="upper right")
     return draw

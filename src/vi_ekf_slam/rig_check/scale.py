@@ -52,7 +52,7 @@ def _by_velocity(rig, report):
         return
     # Along what is told: noise across it makes a step longer, but not the way.
     ratios = np.sum(seen * (told @ C.T), axis=1)[fast] / speeds[0][fast] ** 2
-    report.draw("speed of the camera, m/s: by its points, and as told", _draw_speeds(begin, *speeds))
+    report.draw("speed of the camera, m/s: by its points, and as told", _draw_speeds(begin, *speeds), "s", "m/s")
     ratio = float(np.median(ratios))
     spread = 1.48 * np.median(np.abs(ratios - ratio)) * np.sqrt(SAME / fast.sum())
     off = _direction(seen[fast], told[fast] @ C.T)
@@ -210,7 +210,4 @@ def _draw_speeds(t, told, seen):
     def draw(axes):
         axes.plot(t, seen, ".", markersize=3, label="by points")
         axes.plot(t, told, linewidth=0.8, label="told")
-        axes.set_xlabel("s")
-        axes.set_ylabel("m/s")
-        axes.legend(loc="upper right")
     return draw

@@ -17,6 +17,7 @@ MEDIAN_OF_ROWS, NOISE_FACTOR, FEWEST_ROWS = 0.954, 1.3, 200
 SWAPPED = 0.6  # share of points behind the cameras; noise of points at infinity alone makes up to a half
 OUTSIDE = 0.05  # share; the node drops what is outside, and a rectified picture may lose its margin
 FARTHEST = 1.0  # px: less disparity has no sign
+ROW_AXES = "row in the left picture, px", "px (cut at 10)"
 
 
 def check_stereo(rig, report):
@@ -47,7 +48,7 @@ def _judge_features(rig, report):
             100.0 * outside, width, height), "%.0f %%" % (100.0 * OUTSIDE), "is camera_info that of another resolution?")
         return
     rows, disparity = pixels[:, 1] - pixels[:, 3], pixels[:, 0] - pixels[:, 2]
-    report.draw("rows of matched points: left minus right, px", _draw_rows(pixels[:, 1], rows))
+    report.draw("rows of matched points: left minus right, px", _draw_rows(pixels[:, 1], rows), *ROW_AXES)
     behind = _share_behind(disparity)
     if behind > SWAPPED:
         report.red("disparity has the wrong sign", "%.0f %% of the points are behind the cameras" % (100.0 * behind), "%.0f %%" % (
@@ -142,7 +143,7 @@ def _judge_pictures(rig, report):
     readings = [_Reading(found, rig.cameras, rectified, exchanged)
                 for exchanged in (False, True) for rectified in ((stated,) if stated else (False, True))]
     as_is = readings[0]
-    report.draw("rows of matched points: left minus right, px", _draw_rows(as_is.v, as_is.rows))
+    report.draw("rows of matched points: left minus right, px", _draw_rows(as_is.v, as_is.rows), *ROW_AXES)
     if as_is.is_good:
         rig.rectified = stated
         _say_rows(report, as_is.error, len(found), "")
@@ -177,8 +178,6 @@ def _draw_rows(v, rows):
         axes.plot(v[::step], np.clip(rows, -10.0, 10.0)[::step], ".", markersize=2)
         for limit in (-MAX_ROW, MAX_ROW):
             axes.axhline(limit, color="C3", linewidth=0.8)
-        axes.set_xlabel("row in the left picture, px")
-        axes.set_ylabel("px (cut at 10)")
     return draw
 
 

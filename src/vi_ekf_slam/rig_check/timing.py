@@ -96,7 +96,7 @@ def _check_receipt(rig, main, report):
         return True  # a bag that was made of a data set: each message is received at its stamp
     well = True
     quick = [np.percentile(delay, 5.0) for _, delay in delays]
-    report.draw("receipt after the stamp, s", _draw_delays(rig, delays, float(np.median(quick))))
+    report.draw("receipt after the stamp, s", _draw_delays(rig, delays, float(np.median(quick))), "stamp, s", "s")
     for (stream, delay), least in zip(delays[1:], quick[1:]):
         behind, topics = least - quick[0], (delays[0][0].topic, stream.topic)
         if abs(behind) > MAX_DELAY:
@@ -129,9 +129,6 @@ def _draw_delays(rig, delays, middle):
     def draw(axes):
         for stream, delay in delays:
             axes.plot(rig.seconds(stream.stamps), delay, ".", markersize=2, label=stream.topic)
-        axes.set_xlabel("stamp, s")
-        axes.set_ylabel("s")
-        axes.legend(loc="upper right", markerscale=4)
         axes.axhline(middle, color="0.7", linewidth=0.5)
     return draw
 
@@ -148,7 +145,7 @@ def check_rates(rig, report):
             continue
         steps = np.diff(stamps) * NANO
         usual = float(np.median(steps))
-        report.draw("%s: time between two stamps, ms" % stream.topic, _draw_steps(rig, stamps, steps))
+        report.draw("%s: time between two stamps, ms" % stream.topic, _draw_steps(rig, stamps, steps), "stamp, s", "ms")
         _check_rate(rig, name, stream, steps, usual, report)
 
 
@@ -183,8 +180,6 @@ def _check_rate(rig, name, stream, steps, usual, report):
 def _draw_steps(rig, stamps, steps):
     def draw(axes):
         axes.plot(rig.seconds(stamps[1:]), 1e3 * steps, ".", markersize=2)
-        axes.set_xlabel("stamp, s")
-        axes.set_ylabel("ms")
         axes.set_yscale("log")
     return draw
 

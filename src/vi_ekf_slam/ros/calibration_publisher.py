@@ -3,7 +3,6 @@
 import_calibration.py writes the launch file with the parameters. A bad one ends the node with status 2.
 """
 
-import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo
 from tf2_ros import StaticTransformBroadcaster
@@ -11,7 +10,7 @@ from tf2_ros import StaticTransformBroadcaster
 from vi_ekf_slam.bag import messages as make
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.recordings.calibration_files import numbers, transform
+from vi_ekf_slam.recordings.calibration_files import matrix, numbers, transform
 from vi_ekf_slam.recordings.recording import Camera
 from vi_ekf_slam.ros.node_arguments import take_ros_arguments
 
@@ -25,11 +24,8 @@ def parameter(values, key, name):
 
 def camera_of(values, name):
     """(frame, recording.Camera) of a camera's parameters."""
-    def array(key, *shape):
-        flat = numbers(parameter(values, key, name), (None,), "parameter %s/%s" % (name, key))
-        if shape and flat.size != np.prod(shape):
-            raise InputError("parameter %s/%s has %d numbers, allowed: %d" % (name, key, flat.size, np.prod(shape)))
-        return flat.reshape(shape) if shape else flat
+    def array(key, shape):
+        return matrix(parameter(values, key, name), shape, "parameter %s/%s" % (name, key))
     frame = str(parameter(values, "frame_id", name))
     if not frame:
         raise InputError("parameter %s/frame_id is empty, allowed: a frame" % name)
@@ -39,10 +35,11 @@ def camera_of(values, name):
         if not isinstance(value, int) or value < 1:
             raise InputError("parameter %s/%s is %r, allowed: a number of pixels" % (name, key, value))
         size.append(value)
-    K, P = array("K", 3, 3), array("P", 3, 4)
+    K, P = array("K", (3, 3)), array("P", (3, 4))
     checks.require_intrinsics(K, "parameter %s/K" % name)
     checks.require_intrinsics(P[:, :3], "parameter %s/P" % name)
-    return frame, Camera(tuple(size), K, str(parameter(values, "distortion_model", name)), array("D"), array("R", 3, 3), P)
+    distortion = numbers(parameter(values, "D", name), (None,), "parameter %s/D" % name)
+    return frame, Camera(tuple(size), K, str(parameter(values, "distortion_model", name)), distortion, array("R", (3, 3)), P)
 
 
 def publish():

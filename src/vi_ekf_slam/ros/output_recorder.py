@@ -6,6 +6,7 @@ drive's length. Here such topics are thinned, and their last message is never lo
 
 import os
 import sys
+import tempfile
 import threading
 
 import rosbag
@@ -30,7 +31,8 @@ class OutputRecorder:
     """Writes FILE.active and calls it FILE when it is closed, as rosbag record does: a crash leaves what there is.
 
     Messages are stored under the time (ROS time) at which they came. The flag of latched topics goes into the bag.
-    Without a message there is no file, and its folder is not made.
+    Without a message there is no file, and its folder is not made. What cannot be written ends the recording, not the node:
+    FILE.active stays, for `rosbag reindex`.
     """
 
     def __init__(self, path):
@@ -38,7 +40,7 @@ class OutputRecorder:
         self.path = path
         self.lock = threading.Lock()
         self.bag = None  # before the first message
-        self.closed = False
+        self.closed = self.failed = False
         self.written = {}  # topic: time at which a thinned one was last written
         self.early = []  # [(topic, message)] that came before the time did
         self.held = {}  # topic: (message, time) that was not written, newer than what was
@@ -57,13 +59,20 @@ class OutputRecorder:
             if now == rospy.Time():  # simulated time has not begun
                 self.early.append((topic, message))
                 return
-            self._write_early(now)
-            since = (now - self.written[topic]).to_sec() if topic in self.written else None
-            period = max(THINNED_PERIOD_S, len(message._buff) / THINNED_BYTES_PER_S)
-            if thinned and since is not None and 0.0 <= since < period:
-                self.held[topic] = message, now
-                return
-            self._write(topic, message, now)
+            try:
+                self._take(topic, thinned, message, now)
+            except OSError as error:  # a disk that is full, mostly
+                self.closed = self.failed = True
+                rospy.logfatal("record_outputs: %s: %s; nothing more is recorded", self.path, error.strerror)
+
+    def _take(self, topic, thinned, message, now):
+        self._write_early(now)
+        since = (now - self.written[topic]).to_sec() if topic in self.written else None
+        period = max(THINNED_PERIOD_S, len(message._buff) / THINNED_BYTES_PER_S)
+        if thinned and since is not None and 0.0 <= since < period:
+            self.held[topic] = message, now
+            return
+        self._write(topic, message, now)
 
     def _write_early(self, time):
         for topic, message in self.early:
@@ -84,7 +93,7 @@ class OutputRecorder:
         """Writes what was held back and gives the bag its name; whether there is one. None is if time never began."""
         with self.lock:
             self.closed = True
-            if self.bag is None:
+            if self.bag is None or self.failed:
                 return False
             for topic, (message, time) in list(self.held.items()):
                 self._write(topic, message, time)
@@ -100,8 +109,10 @@ def _require_writable(path):
     folder = os.path.dirname(path)
     while not os.path.exists(folder):
         folder = os.path.dirname(folder)
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK | os.X_OK):
-        raise OSError("%s: cannot be made in %s" % (path, folder))
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise OSError("%s: cannot be made in %s: %s" % (path, folder, error.strerror)) from error
 
 
 def main():
@@ -122,4 +133,4 @@ def main():
     finally:
         if recorder.close():
             print("record_outputs: wrote %s" % path, file=sys.stderr)
-    return 0
+    return EXIT_REFUSED if recorder.failed else 0

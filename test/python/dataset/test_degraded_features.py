@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from conftest import dead_reckon, drive, script
+from conftest import dead_reckon, drive, script, se3_exp
 
 from vi_ekf_slam.bag.degrader import main as degrade
 from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import inverse, se3_exp
+from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset import degradation
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.pose_files import tum_line

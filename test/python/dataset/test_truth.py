@@ -105,6 +105,12 @@ def test_tum_poses_are_the_imus_unless_said_otherwise(write):
         load_truth(path, STAMPS, None, body="left_camera")
 
 
+def test_a_stamp_that_does_not_increase_is_named_by_its_line(write):
+    path = write("# stamp ...", tum_line(100.2, (0, 0, 0)), tum_line(100.1, (0, 0, 0)))
+    with pytest.raises(InputError, match="stamp is not increasing: 100.100000000 s in line 3 comes after"):
+        load_truth(path, STAMPS, None)
+
+
 def test_tum_poses_outside_the_drive_are_left_out(write):
     path = write(*[tum_line(t, (t, 0, 0)) for t in (99.0, 100.1, 100.2, 101.0)])
     stamps, poses = load_truth(path, STAMPS, None)
@@ -122,7 +128,8 @@ def test_truth_of_once_a_second_whose_stamps_jitter_is_interpolated():
 
 def test_sampling_interpolates_and_never_extrapolates_or_bridges_gaps():
     stamps = np.array([0.0, 1.0, 5.0])
-    poses = np.array([make_transform(np.eye(3), [10.0 * t, 0, 0]) for t in stamps])
+    poses = np.array([make_transform(so3_exp([0, 0, 0.4 * t]), [10.0 * t, 0, 0]) for t in stamps])
     valid, sampled = sample_poses(stamps, poses, np.array([-0.1, 0.0, 0.25, 1.00005, 3.0, 5.0, 5.1]))
     assert list(valid) == [False, True, True, True, False, True, False]
     assert np.allclose(sampled[:, 0, 3], [0.0, 2.5, 10.0, 50.0])
+    assert np.array_equal(sampled[0], poses[0]) and np.allclose(sampled[1, :3, :3], so3_exp([0, 0, 0.1]))

@@ -9,7 +9,8 @@ from vi_ekf_slam.evaluation.map_comparison import Map, common_place, main, read_
 
 def test_tracks_are_those_of_the_bag(bag):
     seen = (drive()["features"] >= 0.0).all(axis=0)  # ids x frames
-    tracks = read_tracks(bag, "/features")
+    tracks, stamps = read_tracks(bag, "/features")
+    assert len(stamps) == seen.shape[1]
     assert sorted(tracks) == list(range(len(seen)))
     for id_, frames in enumerate(seen):
         assert tracks[id_][0] == frames.sum()
@@ -56,10 +57,18 @@ def test_a_picture_is_drawn(run, bag, tmp_path):
     assert main([str(run), "--least", "1", "--bag", bag, str(run), "--output", str(output)]) == 0
 
 
+def test_a_run_of_another_time_is_refused(run, bag, tmp_path, capsys):
+    for name in ("trajectory.tum", "dead_reckoning.tum"):
+        (run / name).write_text((run / name).read_text().replace("1317386", "1317387"))
+    assert main([str(run), "--bag", bag, "--least", "1", "--output", str(tmp_path / "maps.png")]) == 2
+    assert "%s: is of another time than the features of %s" % (run, bag) in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("options, message", [
     (["--output", "maps.pdf"], "ends in .png"), (["--names", "a", "b"], "2 names for 1 runs"),
     (["--zoom", "0", "0", "-1"], "allowed: more than 0"), (["--zoom", "nan", "0", "5"], "--zoom is nan 0 5, allowed: finite"),
     (["--features", "/none"], "has no features on /none; of pictures, run_bag --save-features"),
+    (["--features", "imu"], "has no features on /imu; of pictures"),
     (["--least", "100"], "run: of its 3 landmarks none was seen in 100 frames of "),
     (["--bag", "none.bag"], "no such file")])
 def test_bad_requests_are_refused(run, bag, tmp_path, capsys, options, message):

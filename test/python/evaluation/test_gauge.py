@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from conftest import script
+from conftest import script, se3_exp
 
-from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
+from vi_ekf_slam.common.geometry import make_transform, so3_exp
 from vi_ekf_slam.dataset.pose_files import tum_line
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
-from vi_ekf_slam.evaluation.gauge import (errors_after_yaw_alignment, frame_change, gauge_of, yaw_alignment, yaw_of)
+from vi_ekf_slam.evaluation.gauge import errors_after_yaw_alignment, frame_change, gauge_of, yaw_of
+from vi_ekf_slam.evaluation.metrics import rigid_alignment
 
 STAMPS = np.arange(1.0, 41.0)
 POSES = np.array([se3_exp([0.5 * k, 0.02 * k * k, 0.3 * np.sin(k), 0.1 * np.sin(k), 0.2 * np.cos(k), 0.1 * k])
@@ -19,7 +20,7 @@ TILTED = make_transform(so3_exp([0.02, 0, 0]), [0, 0, 0])
 
 
 def test_yaw_alignment_takes_away_heading_and_position_and_nothing_else():
-    assert np.allclose(yaw_alignment(POSES[:, :3, 3], (TURNED @ POSES)[:, :3, 3]), TURNED)
+    assert np.allclose(rigid_alignment(POSES[:, :3, 3], (TURNED @ POSES)[:, :3, 3], yaw_of), TURNED)
     assert errors_after_yaw_alignment(POSES, TURNED @ POSES) == pytest.approx((0.0, 0.0), abs=1e-5)
     position, orientation = errors_after_yaw_alignment(POSES, TILTED @ POSES)
     assert position > 0.05 and orientation == pytest.approx(np.degrees(0.02), rel=0.02)
@@ -28,7 +29,7 @@ def test_yaw_alignment_takes_away_heading_and_position_and_nothing_else():
 def test_no_other_heading_or_position_gives_a_smaller_error():
     random = np.random.default_rng(4)
     target = (TURNED @ POSES)[:, :3, 3] + 0.3 * random.normal(size=(40, 3))
-    best = yaw_alignment(POSES[:, :3, 3], target)
+    best = rigid_alignment(POSES[:, :3, 3], target, yaw_of)
 
     def cost(transform):
         return np.sum((POSES[:, :3, 3] @ transform[:3, :3].T + transform[:3, 3] - target) ** 2)

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from conftest import drive, is_png, script
+from conftest import drive, is_png, script, se3_exp
 
 from vi_ekf_slam.bag.reader import read_reference
-from vi_ekf_slam.common.geometry import make_transform, se3_exp
+from vi_ekf_slam.common.geometry import make_transform
 from vi_ekf_slam.dataset.pose_files import tum_line
 from vi_ekf_slam.evaluation import graphs, top_view
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances, lacks_orientations, truth_line, truth_sections

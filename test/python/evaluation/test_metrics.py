@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import data_file, dead_reckon
+from conftest import data_file, dead_reckon, se3_exp
 
-from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
+from vi_ekf_slam.common.geometry import make_transform, so3_exp
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.pose_files import read_pose_file
 from vi_ekf_slam.evaluation.metrics import (absolute_trajectory_error, anchored_errors, distances, kitti_segments,

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from conftest import se3_exp
 
-from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
+from vi_ekf_slam.common.geometry import make_transform, so3_exp
 from vi_ekf_slam.evaluation.against_truth import evaluate, judge_covariances
 from vi_ekf_slam.evaluation.consistency import chi_square_bounds, nees, pose_errors
 

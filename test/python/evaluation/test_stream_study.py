@@ -6,10 +6,10 @@ import subprocess
 import numpy as np
 import pytest
 import yaml
-from conftest import LANDMARK_HEADER, data_file, program, script
+from conftest import LANDMARK_HEADER, data_file, program, script, se3_exp
 
 from vi_ekf_slam.common.errors import InputError
-from vi_ekf_slam.common.geometry import make_transform, se3_exp, so3_exp
+from vi_ekf_slam.common.geometry import make_transform, so3_exp
 from vi_ekf_slam.common.package_files import package_file
 from vi_ekf_slam.dataset.pose_files import tum_line
 from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS

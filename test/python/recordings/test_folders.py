@@ -204,6 +204,25 @@ def test_a_truth_file_of_ones_own(drive, tmp_path):
     assert main([str(folder), str(tmp_path / "x.bag"), "--quiet", "--truth", str(tmp_path / "mine.txt")]) == 2
 
 
+@pytest.mark.parametrize("kind", ["kitti raw", "kitti odometry"])
+def test_surplus_rows_of_the_truth_are_named_and_left_out_when_asked(drive, tmp_path, capfd, kind):
+    folder, truth = drive(kind), tmp_path / "long.txt"
+    truth.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 5)
+    assert main([str(folder), str(tmp_path / "x.bag"), "--quiet", "--truth", str(truth)]) == 2
+    assert "long.txt: has 5 rows, the drive 3 frames (--skip-bad leaves them out)" in capfd.readouterr().err
+    path = convert(folder, tmp_path, "--truth", str(truth), "--skip-bad")["/ground_truth/path"][0][1]
+    assert len(path.poses) == 3
+
+
+def test_rows_counted_by_frames_are_refused_where_frames_are_left_out(drive, tmp_path, capfd):
+    folder, truth = drive("asl"), tmp_path / "rows.txt"
+    truth.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 2)
+    command = [str(folder), str(tmp_path / "x.bag"), "--quiet", "--skip-bad", "--truth", str(truth)]
+    assert main(command) == 0
+    missing(folder / "mav0" / "cam1" / "data" / ("%d.png" % ASL_STAMPS[0]))
+    assert main(command) == 2 and "rows.txt: is in KITTI's format, whose rows are counted by frames" in capfd.readouterr().err
+
+
 def missing(path):
     path.unlink()
 

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 from conftest import HANG_S, program
 
-from vi_ekf_slam.bag.recording_writer import messages
-from vi_ekf_slam.bag.writer import write_bag
+from vi_ekf_slam.bag.writer import messages, write_bag
 from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, inverse, make_transform, so3_exp
 from vi_ekf_slam.recordings.imu_noise import ImuNoise
 from vi_ekf_slam.recordings.recording import Features, Imu, Recording, Velocity, rectified_pair

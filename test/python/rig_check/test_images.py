@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import genpy
 import numpy as np
 import rosbag
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 
 from vi_ekf_slam.rig_check.images import _decode, read_pairs
 
@@ -26,6 +26,12 @@ def test_deep_pictures_of_a_bag_are_scaled_alike(tmp_path):
     pairs = list(read_pairs(rig, np.column_stack([np.arange(3)] * 2)))
     assert [(k, int(left.max()), int(right.max())) for k, left, right in pairs] == [(0, 127, 128), (1, 127, 127), (2, 128, 127)]
     assert all(picture.dtype == np.uint8 and picture.shape == (4, 6) for pair in pairs for picture in pair[1:])
+
+
+def test_what_cannot_be_decompressed_is_no_picture():
+    header_of_a_vast_png = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR" + b"\x7f\xff\xff\xff" * 2 + b"\x08\x00\x00\x00\x00" + b"\x00" * 20
+    for data in (b"", b"nothing", header_of_a_vast_png):
+        assert _decode(CompressedImage(format="png", data=data)) is None
 
 
 def test_a_webcams_yuv_is_read_as_its_grey():

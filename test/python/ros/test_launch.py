@@ -74,3 +74,26 @@ def test_outputs_are_recorded_in_the_folder_of_results_or_here(tmp_path, monkeyp
 def test_a_folder_in_the_place_of_the_recorded_bag_is_refused_before_the_run(tmp_path):
     with pytest.raises(OSError, match="is a folder, allowed: the file to write"):
         OutputRecorder(str(tmp_path))
+
+
+@pytest.mark.parametrize("path", ["/proc/x.bag", "/proc/none/x.bag", "/dev/null/x.bag"])
+def test_a_bag_that_cannot_be_made_is_refused_before_the_run(path):
+    with pytest.raises(OSError, match="%s: cannot be made in /" % path):
+        OutputRecorder(path)
+
+
+def test_a_full_disk_ends_the_recording_and_is_told_of_once(tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+    told = []
+    monkeypatch.setattr(OutputRecorder, "_subscribe", lambda *_: None)
+    monkeypatch.setattr(rospy, "get_rostime", lambda: rospy.Time(5))
+    monkeypatch.setattr(rospy, "logfatal", lambda text, *values: told.append(text % values))
+    monkeypatch.setattr(rosbag.Bag, "write", full)
+    recorder = OutputRecorder(str(tmp_path / "x.bag"))
+    message = rospy.AnyMsg()
+    message._buff, message._connection_header = b"", {"type": "a/B", "md5sum": "*"}
+    for _ in range(3):
+        recorder.on_message(message, ("/pose", False))
+    assert told == ["record_outputs: %s: No space left on device; nothing more is recorded" % (tmp_path / "x.bag")]
+    assert recorder.failed and not recorder.close()

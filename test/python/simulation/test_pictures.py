@@ -153,3 +153,8 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, capfd, options, complaint):
 def test_a_folder_that_is_there_is_not_replaced(drawn, capfd):
     assert main([str(drawn), "--images"]) == 2
     assert "is there already" in capfd.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made_is_refused(capfd):
+    assert main(["/proc/drive", "--images", "--duration", "5"]) == 2
+    assert capfd.readouterr().err == "error: /proc/drive: cannot be written: No such file or directory\n"

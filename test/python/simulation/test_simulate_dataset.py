@@ -4,9 +4,9 @@ import os
 
 import numpy as np
 import pytest
-from conftest import script
+from conftest import script, se3_exp
 
-from vi_ekf_slam.common.geometry import inverse, se3_exp
+from vi_ekf_slam.common.geometry import inverse
 from vi_ekf_slam.dataset.loader import load_dataset
 from vi_ekf_slam.dataset.pose_files import read_pose_file, read_tum
 

@@ -75,13 +75,17 @@ def simulate_pictures(argv):
     options = make_parser().parse_args(argv)
     check_options(options)
     output = os.path.abspath(options.output)
-    part = tempfile.mkdtemp(prefix=".%s." % os.path.basename(output), suffix=".part", dir=os.path.dirname(output))
+    part = None
     try:
+        part = tempfile.mkdtemp(prefix=".%s." % os.path.basename(output), suffix=".part", dir=os.path.dirname(output))
         write_drive(part, options)
         os.chmod(part, 0o755)
         os.rename(part, output)
+    except OSError as reason:
+        raise InputError("%s: cannot be written: %s" % (options.output, reason.strerror or reason))
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        if part:
+            shutil.rmtree(part, ignore_errors=True)
     if not options.quiet:
         print("wrote: %s, a %s of %g s" % (options.output, options.scene, options.duration))
 
