@@ -19,9 +19,8 @@ constexpr double kCoarse = 8.0, kFine = 2.0, kFinest = 0.5;
 constexpr int kRepeats = 2, kLastRepeats = 4; // of each scale, of the finest one
 constexpr double kMinDepth = 0.1;             // m
 constexpr double kLeastDisparity = 0.1;       // px
-// px: two motions that turn by less are the same for tracks, and what points are off from pair to pair at
-// most, three sigmas.
-constexpr double kOtherwise = 1.0, kExact = 0.3;
+constexpr double kOtherwise = 1.0;            // px; two motions that turn by less are the same for tracks
+constexpr double kExact = 0.3;                // px, three sigmas of a point from pair to pair
 
 /// px, within which half of the points are where the motion puts them; infinite, where it puts them behind
 /// the camera.

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "slanted_plane.hpp"
-#include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/front_end/anchor_patch.hpp"
 
 namespace vi_ekf_slam {

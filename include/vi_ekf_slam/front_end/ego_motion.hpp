@@ -28,9 +28,9 @@ std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<
                                   const SE3& guess);
 
 /// The same where a gyro has told the rotation, that of `told`, whose translation is guessed: the motion that
-/// turns so is taken where one that is free to turn contradicts it and fits worse. Something near that moves
-/// and fills half of the picture can be made to fit, nearly and together with the world, by a turn that is
-/// none.
+/// turns so is taken where one that is free to turn contradicts it and fits worse, or is not found. Something
+/// near that moves and fills half of the picture can be made to fit, nearly and together with the world, by a
+/// turn that is none.
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
                                   const SE3& guess, const SE3& told);
 

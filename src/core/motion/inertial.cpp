@@ -6,8 +6,8 @@
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/observation/body_twist.hpp"
 #include "vi_ekf_slam/core/motion/initial_state.hpp"
+#include "vi_ekf_slam/core/observation/body_twist.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <string>
 
-#include "vi_ekf_slam/core/sensors/imu_noise.hpp"
 #include "vi_ekf_slam/core/motion/initial_state.hpp"
+#include "vi_ekf_slam/core/sensors/imu_noise.hpp"
 
 namespace vi_ekf_slam {
 

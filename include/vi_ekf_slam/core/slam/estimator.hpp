@@ -11,9 +11,9 @@
 #include "vi_ekf_slam/core/health/frame_report.hpp"
 #include "vi_ekf_slam/core/map/map_estimate.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
+#include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
-#include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {

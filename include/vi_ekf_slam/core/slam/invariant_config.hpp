@@ -1,8 +1,8 @@
 #pragma once
 
 #include "vi_ekf_slam/core/health/recovery.hpp"
-#include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/loops/place_recognition.hpp"
+#include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
 #include "vi_ekf_slam/core/motion/inertial.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"

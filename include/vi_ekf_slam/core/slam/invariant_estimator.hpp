@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/slam/joint_map.hpp"
 #include "vi_ekf_slam/core/motion/standstill.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
+#include "vi_ekf_slam/core/slam/joint_map.hpp"
 #include "vi_ekf_slam/core/tracking/track_status.hpp"
 
 namespace vi_ekf_slam {

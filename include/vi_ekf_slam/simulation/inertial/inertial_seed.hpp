@@ -1,7 +1,7 @@
 #pragma once
 
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/motion/initial_state.hpp"
+#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"
