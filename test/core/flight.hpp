@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -187,6 +188,24 @@ inline FlightOptions startFlight(bool at_rest) {
   options.accelerometer_bias = {0.05, -0.05, 0.03};
   options.heading = 0.7;
   return options;
+}
+
+/// A change of what is measured, of the accelerations alone.
+template <typename Change>
+auto ofAccelerations(const Change& change) {
+  return [change](auto& measurement) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(measurement)>, ImuSample>)
+      *measurement.acceleration = change(*measurement.acceleration);
+  };
+}
+
+/// Of the features alone, one by one.
+template <typename Change>
+auto ofFeatures(const Change& change) {
+  return [change](auto& measurement) {
+    if constexpr (std::is_same_v<std::decay_t<decltype(measurement)>, StereoFrame>)
+      std::for_each(measurement.features.begin(), measurement.features.end(), change);
+  };
 }
 
 /// Feeds frames until it has started, for 5 s at most.

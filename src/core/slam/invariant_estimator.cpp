@@ -203,7 +203,8 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
   report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
-  report.rejected = usable.rejected + seen.known.size() - report.used;
+  report.rejected_now = seen.known.size() - report.used;
+  report.rejected = usable.rejected + report.rejected_now;
   report.frame_rejected = outcome.skipped;
   report.nis = outcome.nis;
   report.nis_dof = outcome.nis_dof;

@@ -17,6 +17,7 @@ struct FrameReport {
   std::size_t invalid = 0; ///< not usable in themselves: not finite, no positive disparity, outside the range
   std::size_t used = 0;    ///< corrected the state
   std::size_t rejected = 0;      ///< contradicted the state (gate, consensus)
+  std::size_t rejected_now = 0;  ///< of these, those that did so in this frame, not before
   std::size_t initialised = 0;   ///< became landmarks
   std::size_t removed = 0;       ///< landmarks that are no longer active
   std::size_t revisited = 0;     ///< landmarks found to be ones that were seen before
@@ -25,7 +26,7 @@ struct FrameReport {
   std::size_t landmarks = 0;     ///< in the state after the frame, active
   std::size_t inactive = 0;      ///< landmarks out of view that are in the joint covariance after the frame
   std::size_t contradicting_velocities = 0; ///< samples since the frame before that contradicted the state
-  bool frame_rejected = false;   ///< the frame as a whole was found impossible and not used
+  bool frame_rejected = false;              ///< the frame as a whole was found impossible and not used
   /// Normalised innovation squared and its degrees of freedom, by which the innovation covariances can be
   /// judged: the mean of their ratio is 1. 0 where nothing was used.
   double nis = 0.0;
