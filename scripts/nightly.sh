@@ -5,7 +5,8 @@
 #   scripts/nightly.sh soak [FRAMES]                   a million frames of the filter, then FRAMES of 10 Hz (864000, a day) through
 #                                                      the node's own input path
 #   scripts/nightly.sh rigs                            check_rig.py on recorded rigs that are broken afterwards
-#   scripts/nightly.sh plain                           builds all as catkin_make does, one file at a time, with OpenCV and without
+#   scripts/nightly.sh plain                           builds all and the tests as catkin_make does, one file at a time, with OpenCV
+#                                                      and without
 #
 # fuzz: targets are estimator, config, messages, bag, map (default: all). What they find new stays in build/fuzz/found/TARGET
 # and is taken up again by the next run; an input that breaks something goes to build/fuzz/crash-*. scripts/test.sh only replays
@@ -177,7 +178,8 @@ plain() {
     mkdir -p "$folder"
     say "building $kind ($folder)"
     if cmake -S "$root" -B "$folder" -DPYTHON_EXECUTABLE="$python" -DPython3_EXECUTABLE="$python" -DCMAKE_BUILD_TYPE=Release \
-      "${options[$kind]}" >"$folder/build.log" 2>&1 && cmake --build "$folder" -j"${JOBS:-$(nproc)}" >>"$folder/build.log" 2>&1; then
+      "${options[$kind]}" >"$folder/build.log" 2>&1 \
+      && cmake --build "$folder" -j"${JOBS:-$(nproc)}" --target all tests >>"$folder/build.log" 2>&1; then
       printf '%s: built\n' "$kind"
     else
       status=1

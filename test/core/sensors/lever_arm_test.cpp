@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {

@@ -1,5 +1,7 @@
 // How an inertial estimate stands.
 
+#include <Eigen/Eigenvalues>
+
 #include "../flight.hpp"
 
 namespace vi_ekf_slam::test {
