@@ -14,7 +14,7 @@ namespace {
 // Of the landmarks in view: wrong axes and a fit that was none make it 0.4 to 1, most of them above 0.7, and
 // three matches in ten that are wrong as much as this.
 constexpr double kLargestRejection = 0.5;
-constexpr std::size_t kNewestFrames = 2; // in which what a start is wrong by has grown longest
+constexpr std::size_t kNewestFrames = 2; // that see landmarks: what a start is wrong by has grown longest
 // s. Over it a hand's 20 rad/s^2 turn a picture by 0.04 mrad more than what is linear in it, a small part of
 // a pixel.
 constexpr double kLinearClock = 0.002;
@@ -223,7 +223,7 @@ std::string InertialEstimator::replay(InvariantEstimator& filter) const {
     if (const auto* frame = std::get_if<StereoFrame>(&*m)) {
       const FrameReport report = filter.process(*frame);
       if (report.divergence != Divergence::kNone) return "it diverges";
-      newest.push_back(report);
+      if (report.used + report.rejected_now > 0) newest.push_back(report);
       if (newest.size() > kNewestFrames) newest.pop_front();
     } else if (const auto* sample = std::get_if<ImuSample>(&*m)) {
       filter.process(*sample);

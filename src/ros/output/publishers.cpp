@@ -58,7 +58,8 @@ void Publishers::publishLoop(const ClosedLoop& of_imu) {
 }
 
 std::string Publishers::problem() const {
-  const std::string problem = base_.problem().empty() ? transforms_.problem() : base_.problem();
+  std::string problem = base_.problem();
+  if (problem.empty()) problem = transforms_.problem();
   if (!problem.empty() || !transforms_.followsForeignOdometry() || transforms_.waiting() < kManyWaiting)
     return problem;
   return "'" + config_.map_frame + "' -> '" + config_.odom_frame +
