@@ -17,7 +17,7 @@
 #include "progress.hpp"
 #include "run_bag_options.hpp"
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
-#include "vi_ekf_slam/core/run/imu_calibration.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 #include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string>
 
-#include "vi_ekf_slam/core/run/rig_calibration.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 

@@ -81,7 +81,10 @@ Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoM
 /// Frames that were refused have not misled the twist, which samples measured meanwhile.
 void Recovery::goOnLost(Filter& filter, Divergence divergence, Stamp now) {
   TwistNoise sampled;
-  if (divergence == Divergence::kRejections) sampled = {noiseOf(velocity_, now), noiseOf(gyro_, now)};
+  if (divergence == Divergence::kRejections) {
+    if (secondsBetween(velocity_.stamp, now) <= kSampled) sampled.velocity = velocity_.noise;
+    if (secondsBetween(gyro_.stamp, now) <= kSampled) sampled.gyro = gyro_.noise;
+  }
   const Matrix6d lost = independentPose(std::max(kLostPosition, monitor_.distance()),
                                         std::clamp(monitor_.angle(), kLostRotation, kAnyAngle));
   distrust(filter, SE3(), lost, true, sampled);
@@ -117,10 +120,6 @@ void Recovery::distrust(Filter& filter, const SE3& motion, const Matrix6d& covar
 bool Recovery::relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance) {
   monitor_.restart();
   return tellPose(filter, pose, covariance);
-}
-
-std::optional<Eigen::Matrix3d> Recovery::noiseOf(const Sample& last, Stamp now) const {
-  return last.noise && secondsBetween(last.stamp, now) <= kSampled ? last.noise : std::nullopt;
 }
 
 bool Recovery::check(const Filter& filter, Stamp stamp, bool thoroughly) {

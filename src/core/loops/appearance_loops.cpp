@@ -19,27 +19,19 @@ constexpr std::size_t kObservations = 3; // of a landmark in view, for its place
 constexpr std::size_t kMostLookUps = 12; // in a frame: with 10,000 landmarks in reach 2.5 ms
 constexpr std::size_t kLeastMatches = 5; // of a place
 constexpr double kShare = 0.4;           // of the matches, that agree
-constexpr double kLeastWidth = 0.1;      // of their distance: what all but lies in a line tells no turn
+constexpr double kLeastWidthShare = 0.1; // of their distance: what all but lies in a line tells no turn
 
-/// What a landmark in view may be, by its covariance, which has the pose's in it.
-class Reach {
- public:
-  Reach(const Filter& filter, Handle landmark)
-      : at_(filter.variables().point(landmark)),
-        S_(filter.worldCovariance(landmark) + isotropic(kCornerSigma)),
-        within2_(kChiSquare3 * S_.trace()) {}
-  bool allows(const KnownLook& known) const {
-    const Eigen::Vector3d d = known.position - at_;
+/// Whether a landmark in view may be one that is known, by its covariance, which has the pose's in it.
+auto reachOf(const Filter& filter, Handle landmark) {
+  const Eigen::Vector3d at = filter.variables().point(landmark);
+  const Eigen::Matrix3d S = filter.worldCovariance(landmark) + isotropic(kCornerSigma);
+  return [at, S, within2 = kChiSquare3 * S.trace()](const KnownLook& known) {
+    const Eigen::Vector3d d = known.position - at;
     // The largest eigenvalue of a sum is at most the sum of the traces.
-    if (d.squaredNorm() > within2_ + kChiSquare3 * known.covariance.trace()) return false;
-    return squaredMahalanobis(d, S_ + known.covariance) < kChiSquare3;
-  }
-
- private:
-  Eigen::Vector3d at_;
-  Eigen::Matrix3d S_;
-  double within2_;
-};
+    return d.squaredNorm() <= within2 + kChiSquare3 * known.covariance.trace() &&
+           squaredMahalanobis(d, S + known.covariance) < kChiSquare3;
+  };
+}
 
 bool mayReturn(const Landmark& landmark, const LandmarkMap& map) {
   return !landmark.descriptors.isEmpty() && landmark.observations >= kObservations && !landmark.in_map &&
@@ -66,16 +58,16 @@ Revisit AppearanceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Set
   if (known_.isEmpty()) return {};
   look_ups_.update(
       map, known_, [&map](const Landmark& l) { return mayReturn(l, map); },
-      [&filter](const Landmark& l) {
-        return [reach = Reach(filter, l.variable)](const KnownLook& known) { return reach.allows(known); };
-      });
+      [&filter](const Landmark& l) { return reachOf(filter, l.variable); });
   if (next_attempt_ && now < *next_attempt_) return {};
   next_attempt_ = now + fromSeconds(kBetweenAttempts);
-  if (const auto found = recognise(filter, map)) {
-    const bool is_ready = settling.isReady(filter, now);
-    if (confirms(*found, filter, map) && is_ready) return close(*found, filter, map);
-  }
-  return {};
+  const auto found = recognise(filter, map);
+  if (!found) return {};
+  const bool is_ready = settling.isReady(filter, now);
+  if (!confirms(*found, filter, map) || !is_ready) return {};
+  agreement_.restart();
+  for (const auto& [is_now, was] : found->matches) look_ups_.forget(is_now);
+  return fuseMatches(filter, map, found->matches, kLeastMatches, kCornerSigma);
 }
 
 /// What is recognised was so before, some way back.
@@ -86,13 +78,6 @@ bool AppearanceLoops::confirms(const Recognition& found, const Filter& filter, c
   for (const auto& [is_now, was] : found.matches)
     ways.push_back(filter.variables().point(map.active()[landmarks.at(is_now)].variable) - about);
   return agreement_.confirms(found, about, PlaceAgreement::kWayByLooks * centreOf(ways).norm());
-}
-
-Revisit AppearanceLoops::close(const Recognition& found, Filter& filter, LandmarkMap& map) {
-  agreement_.restart();
-  const Revisit revisit = fuseMatches(filter, map, found.matches, kLeastMatches, kCornerSigma).revisit;
-  for (const auto& [is_now, was] : found.matches) look_ups_.forget(is_now);
-  return revisit;
 }
 
 /// What is long out of view, as it is known now.
@@ -142,7 +127,7 @@ std::optional<Recognition> AppearanceLoops::recognise(const Filter& filter, cons
     distance += (points[i].seen - filter.pose().translation()).norm();
   }
   const auto count = static_cast<double>(positions.size());
-  if (positions.size() < kLeastMatches || widthOf(positions) < kLeastWidth * distance / count)
+  if (positions.size() < kLeastMatches || widthOf(positions) < kLeastWidthShare * distance / count)
     return std::nullopt;
   return recognition;
 }

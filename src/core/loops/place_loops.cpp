@@ -5,7 +5,6 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/loops/duplicates.hpp"
 #include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 
 namespace vi_ekf_slam {
@@ -15,7 +14,7 @@ constexpr double kBetween = 2.0; // s between attempts, each of which may take s
 constexpr std::size_t kObservationsNow = 5;
 constexpr double kRadius = 70.0; // m about the vehicle
 // How often the view may have changed for a landmark to be of now, and must have for it to be of before.
-constexpr std::uint64_t kViewsNow = 3, kViewsBefore = 15;
+constexpr std::uint64_t kRecentViews = 3, kOldViews = 15;
 constexpr std::size_t kLeastBefore = 40;   // landmarks, for a place to be recognised
 constexpr std::size_t kLeastAgreeing = 10; // matches that the filter itself must find compatible
 constexpr double kWayBetween = 5.0;        // m, between two attempts that confirm each other
@@ -41,8 +40,8 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
     const std::uint64_t since = filter.inactive().deactivatedSince(l.landmark.variable);
     const Eigen::Vector3d position = l.estimate.variable.mean;
     const double distance = (position - about).norm();
-    if (since > kViewsBefore * view && distance < reach) seen_before.push_back({id, position});
-    if (since <= kViewsNow * view && distance < kRadius) seen_now.push_back({id, position});
+    if (since > kOldViews * view && distance < reach) seen_before.push_back({id, position});
+    if (since <= kRecentViews * view && distance < kRadius) seen_now.push_back({id, position});
   });
   if (seen_before.size() < kLeastBefore) return {};
   for (const Landmark& l : map.active()) {

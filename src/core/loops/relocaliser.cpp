@@ -20,20 +20,23 @@ namespace {
 constexpr std::size_t kTellingObservations = 3; // of a landmark in view
 constexpr std::size_t kMostPoints = 100;
 constexpr std::size_t kLeastFused = 5;
-constexpr double kBetweenTries = 0.5;    // s
-constexpr double kBetweenFailures = 5.0; // s, of the costly part
-constexpr double kShareOfMatches = 0.6;  // of the matches, that must agree
-constexpr double kShareOfLooks = 0.4;    // the same where looks alone say that they are
-constexpr std::size_t kMostLookUps = 25; // in a try: with 4000 landmarks two milliseconds
-constexpr double kLeastWidth = 0.5;      // m, of the points beside the line that they are nearest to
-constexpr double kLevel = 0.1;           // rad, between the vertical of two maps
+constexpr double kBetweenTries = 0.5;      // s
+constexpr double kBetweenFailures = 5.0;   // s, of the costly part
+constexpr double kShareOfMatches = 0.6;    // of the matches, that must agree
+constexpr double kShareOfLooks = 0.4;      // the same where looks alone say that they are
+constexpr std::size_t kLookUpsInATry = 25; // in a try: with 4000 landmarks two milliseconds
+constexpr double kLeastWidth = 0.5;        // m, of the points beside the line that they are nearest to
+constexpr double kLevel = 0.1;             // rad, between the vertical of two maps
+
+/// Of the first of a point's three coordinates.
+Eigen::Index rowOf(std::size_t point) { return 3 * static_cast<Eigen::Index>(point); }
 
 /// What shifting and turning all points (about their centre) by (dt, dphi) does to each: [I, -[p - c]x].
 Eigen::MatrixXd rigidMotions(const std::vector<Eigen::Vector3d>& points) {
   const Eigen::Vector3d centre = centreOf(points);
-  Eigen::MatrixXd G(3 * static_cast<Eigen::Index>(points.size()), 6);
+  Eigen::MatrixXd G(rowOf(points.size()), 6);
   for (std::size_t i = 0; i < points.size(); ++i)
-    G.middleRows<3>(3 * static_cast<Eigen::Index>(i)) = se3::pointJacobian(points[i] - centre);
+    G.middleRows<3>(rowOf(i)) = se3::pointJacobian(points[i] - centre);
   return G;
 }
 
@@ -59,12 +62,10 @@ std::vector<Eigen::Matrix3d> shapeCovariances(const std::vector<Eigen::Vector3d>
 
 /// The 3x3 blocks of P at these rows.
 Eigen::MatrixXd blocksOf(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Index>& rows) {
-  const auto n = static_cast<Eigen::Index>(rows.size());
-  Eigen::MatrixXd C(3 * n, 3 * n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < n; ++j)
-      C.block<3, 3>(3 * i, 3 * j) =
-          P.block<3, 3>(rows[static_cast<std::size_t>(i)], rows[static_cast<std::size_t>(j)]);
+  Eigen::MatrixXd C(rowOf(rows.size()), rowOf(rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    for (std::size_t j = 0; j < rows.size(); ++j)
+      C.block<3, 3>(rowOf(i), rowOf(j)) = P.block<3, 3>(rows[i], rows[j]);
   }
   return C;
 }
@@ -85,7 +86,7 @@ struct MatchedPoints {
       kept.which.push_back(which[i]);
       kept.here.push_back(here[i]);
       kept.there.push_back(there[i]);
-      rows.push_back(3 * static_cast<Eigen::Index>(i));
+      rows.push_back(rowOf(i));
     }
     kept.covariance_here = blocksOf(covariance_here, rows);
     kept.covariance_there = blocksOf(covariance_there, rows);
@@ -113,12 +114,12 @@ std::optional<SE3> roughAlignment(const MatchedPoints& m, double share) {
 /// S^-1 innovation, what one is off by, given the others, has the chi-square r_i^T ((S^-1)_ii)^-1 r_i.
 void keepCompatible(MatchedPoints& m, SE3& there_T_here) {
   while (m.which.size() >= Relocaliser::kLeastMatches) {
-    const auto n = 3 * static_cast<Eigen::Index>(m.which.size());
+    const Eigen::Index n = rowOf(m.which.size());
     std::vector<Eigen::Vector3d> moved;
     Eigen::VectorXd innovation(n);
     for (std::size_t i = 0; i < m.which.size(); ++i) {
       moved.push_back(there_T_here * m.here[i]);
-      innovation.segment<3>(3 * static_cast<Eigen::Index>(i)) = m.there[i] - moved[i];
+      innovation.segment<3>(rowOf(i)) = m.there[i] - moved[i];
     }
     const Eigen::Matrix3d& R = there_T_here.rotation();
     Eigen::MatrixXd S = m.covariance_there;
@@ -135,9 +136,8 @@ void keepCompatible(MatchedPoints& m, SE3& there_T_here) {
     std::size_t worst = 0;
     double most = 0.0;
     for (std::size_t i = 0; i < m.which.size(); ++i) {
-      const Eigen::Index row = 3 * static_cast<Eigen::Index>(i);
-      const Eigen::Vector3d own = r.segment<3>(row);
-      const double chi_square = squaredMahalanobis(own, inverse.block<3, 3>(row, row));
+      const Eigen::Vector3d own = r.segment<3>(rowOf(i));
+      const double chi_square = squaredMahalanobis(own, inverse.block<3, 3>(rowOf(i), rowOf(i)));
       if (chi_square > most) {
         most = chi_square;
         worst = i;
@@ -166,7 +166,7 @@ void moveArchive(const SE3& map_T_session, const Filter& before, const Filter& a
 } // namespace
 
 Relocaliser::Relocaliser(std::shared_ptr<const SavedMap> map)
-    : map_(std::move(map)), look_ups_(kMostLookUps), agreement_(PlaceAgreement::byLooks()) {
+    : map_(std::move(map)), look_ups_(kLookUpsInATry), agreement_(PlaceAgreement::byLooks()) {
   std::vector<KnownLook> known;
   for (std::size_t i = 0; i < map_->landmarks.size(); ++i) {
     const SavedLandmark& l = map_->landmarks[i];
@@ -201,18 +201,14 @@ Relocaliser::Candidates Relocaliser::candidatesById(const LandmarkMap& landmarks
 }
 
 /// Each that is looked up is compared with the whole map: where the vehicle is, is not known.
-Relocaliser::Candidates Relocaliser::candidatesByLooks(const LandmarkMap& landmarks) {
+std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,
+                                                           const LandmarkMap& landmarks) {
+  if (known_.isEmpty()) return std::nullopt;
   look_ups_.update(
       landmarks, known_,
       [](const Landmark& l) { return l.observations >= kTellingObservations && !l.descriptors.isEmpty(); },
       [](const Landmark&) { return [](const KnownLook&) { return true; }; });
-  return look_ups_.candidates(landmarks);
-}
-
-std::optional<Relocaliser::Place> Relocaliser::findByLooks(const Filter& filter,
-                                                           const LandmarkMap& landmarks) {
-  if (known_.isEmpty()) return std::nullopt;
-  auto place = find(filter, landmarks, candidatesByLooks(landmarks), kShareOfLooks);
+  auto place = find(filter, landmarks, look_ups_.candidates(landmarks), kShareOfLooks);
   if (!place) return std::nullopt;
   place->by_id = false;
   Recognition recognition{place->map_T_session, {}};
@@ -244,12 +240,10 @@ std::optional<Relocaliser::Place> Relocaliser::find(const Filter& filter, const 
   }
   m.covariance_here = blocksOf(filter.covariance(), rows_here);
   m.covariance_there = blocksOf(map_->covariance, rows_there);
-  m.weights.resize(3 * static_cast<Eigen::Index>(matches));
+  m.weights.resize(rowOf(matches));
   for (std::size_t i = 0; i < matches; ++i) {
-    const auto row = 3 * static_cast<Eigen::Index>(i);
-    const double variance =
-        m.covariance_here.block<3, 3>(row, row).trace() / 3.0 + kCornerSigma * kCornerSigma;
-    m.weights.segment<3>(row).setConstant(1.0 / variance);
+    const double variance = m.covariance_here.block<3, 3>(rowOf(i), rowOf(i)).trace() / 3.0;
+    m.weights.segment<3>(rowOf(i)).setConstant(1.0 / (variance + kCornerSigma * kCornerSigma));
   }
   const auto motion = roughAlignment(m, share);
   if (!motion) return std::nullopt;
@@ -316,7 +310,7 @@ bool Relocaliser::moveTo(const Place& place, Filter& filter, LandmarkMap& landma
   } else {
     Matches matches;
     for (const auto& [id, known] : place.matches) matches.emplace_back(id, LandmarkMap::kRenumbered + known);
-    fused = fuseMatches(moved, map, matches, kLeastFused, kCornerSigma).revisit.landmarks;
+    fused = fuseMatches(moved, map, matches, kLeastFused, kCornerSigma).landmarks;
   }
   if (fused < kLeastFused || !isValid(moved, true)) return false;
   moveArchive(map_T_session, filter, moved, map);

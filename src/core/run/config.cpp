@@ -2,8 +2,7 @@
 
 #include <filesystem>
 
-#include "vi_ekf_slam/core/run/imu_calibration.hpp"
-#include "vi_ekf_slam/core/run/rig_calibration.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam {
@@ -59,7 +58,7 @@ void readInvariant(YamlSection section, InvariantConfig& invariant) {
 }
 
 /// A file that a configuration names.
-std::string pathIn(const std::filesystem::path& folder, const std::string& named) {
+std::string fileIn(const std::filesystem::path& folder, const std::string& named) {
   return named.empty() ? named : (folder / named).string();
 }
 
@@ -89,7 +88,7 @@ void readInertial(YamlSection section, const std::string& folder, Inertial::Opti
   inertial.gyro_bias_sigma = bias[0];
   inertial.accelerometer_bias_sigma = bias[1];
   if (calibration.empty()) return;
-  inertial.noise_file = pathIn(folder, calibration);
+  inertial.noise_file = fileIn(folder, calibration);
   n = readNamed(section, "imu_calibration", inertial.noise_file, readImuCalibration);
   inertial.noise_given = true;
 }
@@ -107,7 +106,7 @@ void readCalibration(YamlSection section, const std::string& folder, RigVariable
   rig.rotation_sigma.setConstant(rotation);
   rig.translation_sigma.setConstant(translation);
   if (file.empty()) return;
-  const RigEstimate known = readNamed(section, "file", pathIn(folder, file), readRigCalibration);
+  const RigEstimate known = readNamed(section, "file", fileIn(folder, file), readRigCalibration);
   rig.known = {known.rig.cam_T_imu, known.rig.camera.baseline, known.recording};
   rig.time_offset = known.time_offset;
   // What is to be estimated goes on from there.
@@ -170,16 +169,6 @@ Config parseConfig(const YAML::Node& document, const std::string& source,
   for (const auto& section : other_sections) root.allow(section);
   root.finish();
   return config;
-}
-
-Config parseConfig(const std::string& yaml, const std::string& source,
-                   const std::vector<std::string>& other_sections) {
-  return parseConfig(parseYaml(yaml, source), source, other_sections);
-}
-
-Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections) {
-  return parseConfig(parseYaml(readYamlFile(path), path), path, other_sections,
-                     std::filesystem::path(path).parent_path().string());
 }
 
 } // namespace vi_ekf_slam

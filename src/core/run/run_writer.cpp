@@ -14,12 +14,15 @@
 #include <utility>
 
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
-#include "vi_ekf_slam/core/run/rig_calibration.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr const char* kCovarianceHeader =
+    "stamp,xx,xy,xz,xa,xb,xc,yy,yz,ya,yb,yc,zz,za,zb,zc,aa,ab,ac,bb,bc,cc\n";
 
 /// printf into a string.
 template <typename... Args>
@@ -49,6 +52,13 @@ SE3 toPose(const std::array<double, 12>& numbers) {
   return {matrix.leftCols<3>(), matrix.col(3)};
 }
 
+RunRecord toRecord(const Output& o) {
+  RunRecord record{o.state.stamp, toNumbers(o.state.world_T_imu), toNumbers(o.odom_T_imu), {}, o.report,
+                   o.update_s};
+  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
+  return record;
+}
+
 std::string tumLine(Stamp stamp, const SE3& pose) {
   Eigen::Quaterniond q(pose.rotation());
   if (q.w() < 0.0) q.coeffs() = -q.coeffs();
@@ -64,15 +74,6 @@ std::string upperTriangle(const Eigen::MatrixBase<Derived>& m) {
     for (Eigen::Index col = row; col < m.cols(); ++col) text += format(",%.17g", m(row, col));
   }
   return text;
-}
-
-std::string covarianceHeader() {
-  const std::string axes = "xyzabc";
-  std::string text = "stamp";
-  for (std::size_t row = 0; row < axes.size(); ++row) {
-    for (std::size_t col = row; col < axes.size(); ++col) text += std::string(",") + axes[row] + axes[col];
-  }
-  return text + "\n";
 }
 
 std::string frameLine(const FrameReport& r, double update_s) {
@@ -146,17 +147,6 @@ void RunWriter::requireDirectory(const std::string& directory) {
   if (error != 0) throw std::runtime_error(directory + ": cannot be written: " + std::strerror(error));
 }
 
-RunRecord RunWriter::toRecord(const Output& o) {
-  RunRecord record;
-  record.stamp = o.state.stamp;
-  record.world_T_imu = toNumbers(o.state.world_T_imu);
-  record.odom_T_imu = toNumbers(o.odom_T_imu);
-  Eigen::Map<Matrix6d>(record.pose_covariance.data()) = o.state.pose_covariance;
-  record.report = o.report;
-  record.update_s = o.update_s;
-  return record;
-}
-
 void RunWriter::addFrame(const Output& output) {
   Run& run = runs_.back();
   if (!run.has_frames) run.records = RunRecords(spool_);
@@ -203,7 +193,7 @@ void RunWriter::writeRun(const std::string& directory, const Run& run) {
   AtomicFile dead_reckoning(pathIn(directory, kDeadReckoning));
   AtomicFile covariance(pathIn(directory, kCovariance));
   AtomicFile frames(pathIn(directory, kFrames));
-  covariance << covarianceHeader();
+  covariance << kCovarianceHeader;
   frames << "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,"
             "update_ms\n";
   run.records.forEach([&](const RunRecord& r) {
@@ -225,7 +215,7 @@ void RunWriter::writeSmoothed(const std::string& directory, const RunRecords& re
   makeDirectory(directory);
   AtomicFile trajectory(pathIn(directory, kSmoothed));
   AtomicFile covariance(pathIn(directory, kSmoothedCovariance));
-  covariance << covarianceHeader();
+  covariance << kCovarianceHeader;
   records.forEach([&](const RunRecord& r) {
     const PathEstimate::Pose now =
         path.at(r.stamp, toPose(r.world_T_imu), Eigen::Map<const Matrix6d>(r.pose_covariance.data()));
@@ -257,10 +247,10 @@ void RunWriter::writeMap(const std::string& directory, const std::vector<Landmar
 
 RunSummary::RunSummary(const SlamSystem& system)
     : counts(system.counts()),
-      noise(system.checks().noise().streams()),
+      noise(system.checks().noise.streams()),
       motion(system.motionText()),
       not_started(system.estimator().startProblem()),
-      imu(system.checks().imu().counts()),
+      imu(system.checks().imu.counts()),
       rig(system.estimator().rig()) {}
 
 void RunWriter::write(const std::string& directory, const RunSummary& summary, const MapEstimate& map) const {

@@ -1,8 +1,8 @@
 #include "vi_ekf_slam/core/sensors/arrival_check.hpp"
 
-#include <cmath>
-#include <sstream>
 #include <utility>
+
+#include "vi_ekf_slam/core/sensors/words.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -39,13 +39,10 @@ std::string ArrivalCheck::note(Stream stream, Stamp stamp, Stamp received) {
   suspected_ = behind > limit_ ? suspected_ + 1 : 0;
   if (suspected_ < 2) return {};
   told_ = true;
-  std::ostringstream text;
-  text.precision(3);
-  text << kTopicNames[*latest] << " comes " << behind << " s later after its stamp than "
-       << kTopicNames[*soonest] << ", allowed: " << limit_
-       << " s (buffer/max_delay_s); one of the two has another clock, or waits somewhere: "
-       << "stamps must be the time of measurement in one clock";
-  return text.str();
+  return std::string(kTopicNames[*latest]) + " comes " + rounded(behind) + " s later after its stamp than " +
+         kTopicNames[*soonest] + ", allowed: " + rounded(limit_) +
+         " s (buffer/max_delay_s); one of the two has another clock, or waits somewhere: "
+         "stamps must be the time of measurement in one clock";
 }
 
 } // namespace vi_ekf_slam

@@ -43,7 +43,6 @@ bool Arrivals::isValid(const Measurement& measurement) {
 
 Arrivals::Verdict Arrivals::add(Measurement measurement) {
   const Verdict verdict = guard_.judge(measurement, buffer_.newest());
-  countStrays();
   if (verdict == Verdict::kJump) jumped_ = guard_.take();
   if (verdict == Verdict::kPass) buffer(std::move(measurement));
   return verdict;
@@ -66,11 +65,6 @@ void Arrivals::buffer(Measurement measurement) {
   if (order != Order::kJumpBack && !first_stamp_) first_stamp_ = stamp;
 }
 
-void Arrivals::close() {
-  guard_.discard();
-  countStrays();
-}
-
 void Arrivals::clear() {
   buffer_.clear();
   first_stamp_.reset();
@@ -81,9 +75,11 @@ std::optional<double> Arrivals::duration() const {
   return secondsBetween(*first_stamp_, *buffer_.newest());
 }
 
-void Arrivals::countStrays() {
-  counts_.ahead = guard_.strays().ahead;
-  counts_.behind = guard_.strays().behind;
+ArrivalCounts Arrivals::counts() const {
+  ArrivalCounts counts = counts_;
+  counts.ahead = guard_.strays().ahead;
+  counts.behind = guard_.strays().behind;
+  return counts;
 }
 
 } // namespace vi_ekf_slam

@@ -73,9 +73,8 @@ void ImuCheck::noteInterval(Stamp from, Stamp to) {
 void ImuCheck::noteRate(const ImuSample& sample) {
   const double rate = sample.angular_velocity.cwiseAbs().maxCoeff();
   if (rate <= kMaxRate || ++impossible_ != kFewest) return;
-  faults_[kRate] = "the gyro's rates are up to " + rounded(rate) + " rad/s, allowed: " + rounded(kMaxRate) +
-                   " rad/s; is it in deg/s? it must be in rad/s";
-  say(faults_[kRate]);
+  find(kRate, "the gyro's rates are up to " + rounded(rate) + " rad/s, allowed: " + rounded(kMaxRate) +
+                  " rad/s; is it in deg/s? it must be in rad/s");
 }
 
 void ImuCheck::noteRange(Fault fault, const Eigen::Vector3d& value) {
@@ -84,11 +83,10 @@ void ImuCheck::noteRange(Fault fault, const Eigen::Vector3d& value) {
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     Saturation& saturation = axes[static_cast<std::size_t>(axis)];
     if (!saturation.note(value[axis]) || !faults_[fault].empty()) continue;
-    faults_[fault] = std::string("the ") + (is_gyro ? "gyro" : "accelerometer") + " is saturated at " +
-                     rounded(saturation.limit()) + (is_gyro ? " rad/s" : " m/s^2") + " (its " + "xyz"[axis] +
-                     " axis), where its values are cut off; set a larger range in the IMU's " +
-                     "driver, or move " + (is_gyro ? "more slowly" : "and mount it more softly");
-    say(faults_[fault]);
+    find(fault, std::string("the ") + (is_gyro ? "gyro" : "accelerometer") + " is saturated at " +
+                    rounded(saturation.limit()) + (is_gyro ? " rad/s" : " m/s^2") + " (its " + "xyz"[axis] +
+                    " axis), where its values are cut off; set a larger range in the IMU's driver, or move " +
+                    (is_gyro ? "more slowly" : "and mount it more softly"));
   }
 }
 
@@ -101,8 +99,7 @@ void ImuCheck::noteAcceleration(const ImuSample& sample) {
   }
   if (samples_ < kFewest || secondsBetween(*first_, sample.stamp) < kAccelerationTime) return;
   accelerations_judged_ = true;
-  faults_[kAcceleration] = accelerationProblem();
-  if (!faults_[kAcceleration].empty()) say(faults_[kAcceleration]);
+  if (const std::string problem = accelerationProblem(); !problem.empty()) find(kAcceleration, problem);
 }
 
 std::string ImuCheck::accelerationProblem() const {
@@ -144,12 +141,12 @@ void ImuCheck::noteFrame(Stamp stamp) {
   if (silence <= std::max(kSilence, 5.0 * usual)) return;
   ++counts_.stops;
   const bool is_late = arrived_ && *arrived_ > *last_ && *arrived_ < stamp;
-  faults_[kStopped] =
+  find(
+      kStopped,
       (is_late ? "the IMU's samples come after frames that are " + rounded(secondsBetween(*arrived_, stamp)) +
                      " s newer, too late to be used (buffer/max_delay_s; do camera and IMU have one clock?)"
                : "the IMU has stopped: no sample for " + rounded(silence) + " s, while frames go on") +
-      "; the estimate goes on with a growing covariance";
-  say(faults_[kStopped]);
+          "; the estimate goes on with a growing covariance");
 }
 
 } // namespace vi_ekf_slam

@@ -72,7 +72,7 @@ void ImuTrack::noteDifferences(const ImuSample& sample) {
 
 ImuTrack::Reading ImuTrack::at(Stamp stamp) const {
   const auto& one = last_ ? last_ : next_;
-  if (!one) return {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  if (!one) return {};
   const Eigen::Vector3d none = Eigen::Vector3d::Zero();
   const Reading first{one->angular_velocity, one->acceleration.value_or(none)};
   if (!last_ || !next_ || next_->stamp <= last_->stamp) return first;

@@ -22,10 +22,10 @@ constexpr double kLargestMisfit = 3.0, kLargestEarlyMisfit = 1.3;
 constexpr double kSigmas = 4.0;
 // m/s^2: gravity's own range on Earth is 0.05, an accelerometer's scale 1 %
 constexpr double kGravityTolerance = 0.2;
-constexpr std::size_t kUsedFeatures = 8;  // of a frame whose pose counts
+constexpr std::size_t kUsedFeatures = 8;   // of a frame whose pose counts
 constexpr std::size_t kFewestTracked = 20; // of its own, however few the filter is to have
-constexpr double kLongestBlindness = 0.5; // s; what is seen after it is not known to be near what was before
-constexpr double kLeastSigma = 1e-3;      // m, of a pose: what front ends do wrong together
+constexpr double kLongestBlindness = 0.5;  // s; what is seen after it is not known to be near what was before
+constexpr double kLeastSigma = 1e-3;       // m, of a pose: what front ends do wrong together
 // Wide beside what a start is known to, narrow enough for the filter to be linear there.
 constexpr double kStartTilt = 0.2;     // rad
 constexpr double kStartVelocity = 1.0; // m/s
@@ -33,11 +33,6 @@ constexpr double kAnchored = 1e-6;     // m, rad: the map begins there
 // Of the first step, what is wrong with it by being of any length, with points seen once: not linear. A car's
 // is 4 % too long.
 constexpr double kFirstStep = 0.05;
-
-/// The body as the pictures have it, its position known as they have it.
-SeenPose seenPose(Stamp stamp, const StateEstimate& state) {
-  return {stamp, state.world_T_imu, state.pose_covariance.diagonal().head<3>().cwiseSqrt()};
-}
 
 /// Odometry with a hand's or a drone's accelerations.
 InvariantConfig odometryConfig(InvariantConfig config) {
@@ -66,19 +61,17 @@ InertialAlignment::InertialAlignment(const InvariantConfig& config)
 /// Anew.
 void InertialAlignment::begin() {
   odometry_ = std::make_unique<InvariantEstimator>(odometryConfig(config_));
-  if (bias_) odometry_->setBiasPrior(*bias_);
-  if (rig_) odometry_->setRig(*rig_);
   origin_.reset();
   poses_.clear();
 }
 
 void InertialAlignment::setRig(const StereoRig& rig) {
-  rig_ = rig;
+  config_.told_rig = rig;
   odometry_->setRig(rig);
 }
 
 void InertialAlignment::setBiasPrior(const TwistBias& bias) {
-  bias_ = bias;
+  config_.told_bias = bias;
   odometry_->setBiasPrior(bias);
 }
 
@@ -111,7 +104,9 @@ FrameReport InertialAlignment::process(const StereoFrame& frame) {
     report = odometry_->process(frame);
   }
   if (report.used + (origin_ ? 0 : report.initialised) >= kUsedFeatures) {
-    poses_.push_back(seenPose(moved.stamp, odometry_->state()));
+    const StateEstimate state = odometry_->state();
+    poses_.push_back(
+        {moved.stamp, state.world_T_imu, state.pose_covariance.diagonal().head<3>().cwiseSqrt()});
     if (!origin_) origin_ = moved.stamp;
     if (poses_.size() == 2 && startsAtOrigin())
       first_step_variance_ = poses_.back().position_sigma.cwiseAbs2();

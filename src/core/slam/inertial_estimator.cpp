@@ -37,19 +37,11 @@ constexpr double kImplausibleBias = 10.0;
 
 } // namespace
 
-template <class Part>
-std::unique_ptr<Part> InertialEstimator::make() const {
-  auto part = std::make_unique<Part>(config_);
-  if (bias_) part->setBiasPrior(*bias_);
-  if (rig_) part->setRig(*rig_);
-  return part;
-}
-
 InertialEstimator::InertialEstimator(const InvariantConfig& config)
     : config_(config), problem_("waits for frames") {
   config_.choice = MotionChoice::kInertial;
   config_.map.one_in = kKeptOneIn;
-  alignment_ = make<InertialAlignment>();
+  alignment_ = std::make_unique<InertialAlignment>(config_);
 }
 
 template <class Tell>
@@ -60,12 +52,12 @@ void InertialEstimator::tellAll(const Tell& tell) {
 }
 
 void InertialEstimator::setRig(const StereoRig& rig) {
-  rig_ = rig;
+  config_.told_rig = rig;
   tellAll([&rig](auto& part) { part.setRig(rig); });
 }
 
 void InertialEstimator::setBiasPrior(const TwistBias& bias) {
-  bias_ = bias;
+  config_.told_bias = bias;
   tellAll([&bias](auto& part) { part.setBiasPrior(bias); });
 }
 
@@ -101,7 +93,7 @@ void InertialEstimator::tryGiven(Stamp now) {
   if (!given_) return;
   const double gap = secondsBetween(given_->stamp, now);
   if (gap < 0.0 && -gap <= kSoon) return;
-  auto filter = make<InvariantEstimator>();
+  auto filter = std::make_unique<InvariantEstimator>(config_);
   const InitialState state = *std::exchange(given_, std::nullopt);
   if (gap < 0.0) {
     refusal_ = "the given state is " + rounded(-gap) + " s newer than the first measurement; ";
@@ -121,14 +113,12 @@ void InertialEstimator::tryGiven(Stamp now) {
 void InertialEstimator::process(const ImuSample& sample) {
   if (!filter_) expect(sample); // what goes on from before asks how far that is
   tryToGoOn(sample.stamp);
-  if (filter_) filter_->process(sample);
-  if (alignment_) alignment_->process(sample);
+  tellAll([&sample](auto& part) { part.process(sample); });
 }
 
 void InertialEstimator::process(const VelocitySample& sample) {
   tryToGoOn(sample.stamp);
-  if (filter_) filter_->process(sample);
-  if (alignment_) alignment_->process(sample);
+  tellAll([&sample](auto& part) { part.process(sample); });
 }
 
 FrameReport InertialEstimator::process(const StereoFrame& frame) {
@@ -156,7 +146,7 @@ void InertialEstimator::verify(const StereoFrame& frame, Divergence divergence) 
   if (has_diverged || is_biased) {
     suspect_at_ = frame.stamp;
     if (!alignment_) {
-      alignment_ = make<InertialAlignment>();
+      alignment_ = std::make_unique<InertialAlignment>(config_);
       alignment_->setTimeOffset(filter_->timeOffset());
     }
   }
@@ -187,7 +177,7 @@ std::string InertialEstimator::tryToStart(Stamp now) {
   const InertialAlignment::Result aligned = alignment_->align();
   if (!aligned.state) return aligned.problem;
   if (alignment_->isFull() && secondsBetween(suspect_at_, now) < kPatience) return problem_;
-  auto filter = make<InvariantEstimator>();
+  auto filter = std::make_unique<InvariantEstimator>(config_);
   filter->begin(*aligned.state);
   filter->preset(alignment_->imu());
   filter->startOpen();
@@ -253,20 +243,6 @@ bool InertialEstimator::learnClock(const InvariantEstimator& filter) {
   return true;
 }
 
-StateEstimate InertialEstimator::state() const { return filter_ ? filter_->state() : alignment_->state(); }
-
-std::vector<LandmarkEstimate> InertialEstimator::landmarks() const {
-  return filter_ ? filter_->landmarks() : std::vector<LandmarkEstimate>();
-}
-
-std::function<MapEstimate()> InertialEstimator::exactMap() const {
-  return filter_ ? filter_->exactMap() : [] { return MapEstimate(); };
-}
-
-std::function<SavedMap()> InertialEstimator::savedMap() const {
-  return filter_ ? filter_->savedMap() : std::function<SavedMap()>();
-}
-
 void InertialEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
   map_ = map;
   if (filter_) filter_->relocaliseIn(std::move(map));
@@ -274,15 +250,10 @@ void InertialEstimator::relocaliseIn(std::shared_ptr<const SavedMap> map) {
 
 void InertialEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source,
                                    double max_gap_s) {
-  auto filter = make<InvariantEstimator>();
+  auto filter = std::make_unique<InvariantEstimator>(config_);
   filter->resumeFrom(map, source, max_gap_s);
   resuming_ = std::move(filter);
   resume_map_ = std::move(map);
-}
-
-MapUse InertialEstimator::mapUse() const {
-  if (filter_) return filter_->mapUse();
-  return map_ || resuming_ ? MapUse::kWaiting : MapUse::kNone;
 }
 
 } // namespace vi_ekf_slam

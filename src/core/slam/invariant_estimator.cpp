@@ -44,6 +44,8 @@ InvariantEstimator::InvariantEstimator(const InvariantConfig& config)
       standstill_(config.standstill_px, motion_->measuresVelocity()),
       recovery_(config.recovery, *motion_) {
   begin(motion_->startPose(), startCovariance());
+  if (config.told_bias) InvariantEstimator::setBiasPrior(*config.told_bias);
+  if (config.told_rig) InvariantEstimator::setRig(*config.told_rig);
 }
 
 /// A filter that knows nothing but its pose.
@@ -197,7 +199,7 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   const TrackStatus::Usable usable = tracks_.usable(filter_, *model_, frame);
   report.invalid = usable.invalid;
   LandmarkMap& landmarks = map_.landmarks();
-  map_.closures().expect(filter_, landmarks, *model_, frame, usable.features);
+  map_.expect(filter_, *model_, frame, usable.features);
   Associations seen = associate(filter_, landmarks, *model_, frame, usable.features);
   letTracksWalk(filter_, landmarks, *model_, frame, seen.known, secondsSinceFrame(frame.stamp));
   const FrameOutcome outcome =
@@ -303,21 +305,20 @@ double InvariantEstimator::timeOffset() const {
 
 /// What is in view was seen from elsewhere, so that it is not tracked on; its ids may return.
 bool InvariantEstimator::setPose(const SE3& world_T_imu, const Matrix6d& covariance) {
-  if (const auto from = map_.closures().takeResume()) relocaliseIn(from->map);
-  const Filter before = filter_;
-  const LandmarkMap landmarks_before = map_.landmarks();
-  const bool is_elsewhere = mapUse() == MapUse::kWaiting;
-  if (!is_elsewhere) {
+  if (resume_map_) relocaliseIn(std::exchange(resume_map_, nullptr));
+  if (mapUse() == MapUse::kWaiting) {
+    if (!map_.placeIn(filter_, world_T_imu, covariance)) return false;
+  } else {
+    const Filter before = filter_;
+    const LandmarkMap landmarks_before = map_.landmarks();
     map_.loseAll(filter_);
-    map_.closures().restart();
+    map_.forgetLoops();
+    if (!recovery_.relocate(filter_, world_T_imu, covariance)) {
+      filter_ = before;
+      map_.landmarks() = landmarks_before;
+      return false;
+    }
   }
-  if (!(is_elsewhere ? map_.closures().placeIn(filter_, map_.landmarks(), world_T_imu, covariance)
-                     : recovery_.relocate(filter_, world_T_imu, covariance))) {
-    filter_ = before;
-    map_.landmarks() = landmarks_before;
-    return false;
-  }
-  if (is_elsewhere) map_.forgetPath();
   map_.breakOffPath();
   tracks_.clear();
   if (last_frame_) last_frame_->position = filter_.pose().translation();
@@ -346,27 +347,26 @@ std::function<SavedMap()> InvariantEstimator::savedMap() const {
 void InvariantEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source,
                                     double max_gap_s) {
   requireMotion(*map, filter_, *motion_, source);
-  map_.closures().resumeFrom({std::move(map), max_gap_s});
+  resume_map_ = std::move(map);
+  max_gap_s_ = max_gap_s;
 }
 
 bool InvariantEstimator::resumeAt(Stamp now) {
-  if (const auto from = map_.closures().takeResume()) resume(*from, now);
-  return mapUse() == MapUse::kResumed;
-}
-
-void InvariantEstimator::resume(const Closures::Resume& from, Stamp stamp) {
-  const double gap = secondsBetween(from.map->stamp, stamp);
-  if (gap >= 0.0 && gap <= from.max_gap_s) {
-    restore(*from.map, filter_, map_.landmarks(), givenRig());
+  const auto map = std::exchange(resume_map_, nullptr);
+  if (!map) return false;
+  const double gap = secondsBetween(map->stamp, now);
+  if (gap >= 0.0 && gap <= max_gap_s_) {
+    restore(*map, filter_, map_.landmarks(), givenRig());
     if (isValid(filter_, true) && canBridge(gap)) {
-      stamp_ = from.map->stamp;
-      map_.closures().noteResumed();
-      return;
+      stamp_ = map->stamp;
+      map_.noteResumed();
+      return true;
     }
     map_.landmarks().clear();
     begin(motion_->startPose(), startCovariance());
   }
-  relocaliseIn(from.map);
+  relocaliseIn(map);
+  return false;
 }
 
 } // namespace vi_ekf_slam

@@ -42,11 +42,7 @@ Forecast InvariantEstimator::forecast() const {
   return [before = *this](Stamp stamp) -> std::optional<StateEstimate> {
     const auto filter = before.ahead(stamp, kBridgedHeading);
     if (!filter) return std::nullopt;
-    StateEstimate state;
-    state.stamp = stamp;
-    state.world_T_imu = filter->pose();
-    state.pose_covariance = filter->covariance().topLeftCorner<6, 6>();
-    return state;
+    return StateEstimate{stamp, filter->pose(), filter->covariance().topLeftCorner<6, 6>()};
   };
 }
 

@@ -146,7 +146,7 @@ void MotionCheck::restart() {
 
 /// Whether it moves now by what would count; of a sensor that is stuck the other one tells.
 bool MotionCheck::hasWork(Stamp now) const {
-  if (!rig_ || worked_s_ >= kLongestLook) return false;
+  if (!config_.told_rig || worked_s_ >= kLongestLook) return false;
   const bool turns = gyro_.isFresh(now) && kWindow * gyro_.newest.norm() > kLeastTurn;
   const bool travels = velocity_.isFresh(now) && kWindow * velocity_.newest.norm() > kLeastWay;
   return (!(turn_.is_done && knows_clock_) && gyro_.isFresh(now) && (turns || (gyro_.is_stuck && travels))) ||
@@ -161,7 +161,6 @@ void MotionCheck::begin(const StereoFrame& frame) {
   window_->begin = window_->last = frame.stamp;
   window_->rate = gyro_.newest;
   window_->odometry = std::make_unique<InvariantEstimator>(config_);
-  window_->odometry->setRig(*rig_);
   window_->odometry->process(frame);
   window_->start = window_->odometry->state().world_T_imu;
 }

@@ -49,8 +49,9 @@ SlamSystem::SlamSystem(const Config& config)
       arrivals_(config.buffer),
       estimator_(vi_ekf_slam::makeEstimator(config)),
       lever_arm_(config.invariant.motion.velocity_sigma, config.invariant.motion.gyro_sigma),
-      checks_(config) {
-  checks_.setInertial(motion_.isInertial());
+      checks_{NoiseReport(config), ImuCheck(config.invariant.inertial.gravity),
+              MotionCheck(config.invariant)} {
+  checks_.noise.setInertial(motion_.isInertial());
   motion_.onDecision([this] { adoptMotion(); });
 }
 
@@ -66,7 +67,7 @@ std::unique_ptr<Estimator> SlamSystem::makeEstimator() const {
 
 /// Nothing has been processed yet, unless the IMU is late.
 void SlamSystem::adoptMotion() {
-  checks_.setInertial(motion_.isInertial());
+  checks_.noise.setInertial(motion_.isInertial());
   if (total(counts_.processed) > 0)
     reset("an IMU with accelerations has come");
   else if (motion_.isInertial())
@@ -86,7 +87,7 @@ void SlamSystem::begin(const InitialState& state) {
 void SlamSystem::setRig(const StereoRig& rig) {
   given_.rig = config_.invariant.rig.appliedTo(rig);
   estimator_->setRig(*given_.rig);
-  checks_.setRig(*given_.rig);
+  checks_.motion.setRig(*given_.rig);
   if (given_.resumes && !correctsRig(*given_.map, given_.rig) && handlers_.start) handlers_.start(kOtherRig);
   drain();
 }
@@ -114,8 +115,8 @@ void SlamSystem::add(Measurement measurement) {
   if (verdict == Arrivals::Verdict::kHeld) return;
   if (verdict == Arrivals::Verdict::kJump) {
     followJump();
-  } else {
-    checks_.arrived(stream, stamp);
+  } else if (stream == Stream::kImu) {
+    checks_.imu.arrived(stamp);
   }
   drain();
 }
@@ -221,7 +222,8 @@ void SlamSystem::beginAnew(const std::string& reason) {
   before_gap_.reset();
   told_starts_.clear();
   reached_.reset();
-  checks_.restart();
+  checks_.imu.restart();
+  checks_.motion.restart();
   dead_reckoning_ = DeadReckoning();
   last_velocity_.reset();
   lever_arm_.restart();
@@ -267,7 +269,11 @@ void SlamSystem::resumeFrom(std::shared_ptr<const SavedMap> map, const std::stri
 void SlamSystem::process(const Measurement& measurement) {
   // Features are not used before the calibration is known.
   const bool is_used = !std::holds_alternative<StereoFrame>(measurement) || (given_.rig && needsRig());
-  if (is_used) checks_.use(measurement);
+  if (is_used) {
+    for (const StreamNoise& news : checks_.noise.note(measurement)) {
+      if (handlers_.noise) handlers_.noise(news);
+    }
+  }
   ++counts_.processed[static_cast<std::size_t>(streamOf(measurement))];
   bridge(stampOf(measurement));
   if (const ImuSample* next = arrivals_.nextImu()) estimator_->expect(*next);
@@ -278,7 +284,8 @@ void SlamSystem::process(const Measurement& measurement) {
 }
 
 void SlamSystem::process(const ImuSample& sample) {
-  checks_.note(sample);
+  checks_.imu.note(sample, motion_.isInertial());
+  checks_.motion.note(sample);
   lever_arm_.note(sample);
   estimator_->process(sample);
   if (!estimator_->hasStarted()) return;
@@ -289,19 +296,21 @@ void SlamSystem::process(const ImuSample& sample) {
 
 void SlamSystem::process(const VelocitySample& sample) {
   const VelocitySample at_imu = lever_arm_.atImu(sample);
-  checks_.note(at_imu);
+  checks_.motion.note(at_imu);
   estimator_->process(at_imu);
   if (!motion_.isInertial()) updateDeadReckoning(at_imu, estimator_->state());
 }
 
 void SlamSystem::process(const StereoFrame& frame) {
   if (!given_.rig) ++counts_.frames_without_rig;
-  checks_.note(frame);
+  checks_.imu.noteFrame(frame.stamp);
+  // The baseline takes all as it is.
+  if (config_.estimator != EstimatorType::kPaper) tellProblem(checks_.motion.note(frame));
   const auto start = std::chrono::steady_clock::now();
   const FrameReport report = estimator_->process(frame);
   const std::chrono::duration<double> update = std::chrono::steady_clock::now() - start;
   count(report);
-  checks_.note(report);
+  tellProblem(checks_.motion.note(report));
   if (const std::string reason = estimator_->contradiction(); !reason.empty()) return beginAnew(reason);
   reportStart();
   if (!estimator_->hasStarted()) {
@@ -339,6 +348,10 @@ void SlamSystem::reportStart() {
   } else if (motion_.isInertial()) {
     handlers_.start("started");
   }
+}
+
+void SlamSystem::tellProblem(const std::string& problem) const {
+  if (!problem.empty() && handlers_.problem) handlers_.problem(problem);
 }
 
 void SlamSystem::count(const FrameReport& report) {

@@ -71,14 +71,14 @@ void Diagnostics::inputs(Status& status) {
     status.mergeSummary(DiagnosticStatus::WARN,
                         std::string(silence ? "silent: " : "nothing yet on ") + kTopicNames[i]);
   }
-  const ImuCheck& imu = from_.system.checks().imu();
+  const ImuCheck& imu = from_.system.checks().imu;
   status.add("imu intervals that are not the usual one", imu.counts().stutters);
   status.add("imu stamps that went back", imu.counts().backwards);
   status.add("times that imu stopped", imu.counts().stops);
   if (const std::string problem = imu.problem(); !problem.empty())
     status.mergeSummary(DiagnosticStatus::WARN, problem);
   for (const std::string& problem :
-       {from_.intake.stereoCheck().problem(), from_.system.checks().motion().problem()}) {
+       {from_.intake.stereoCheck().problem(), from_.system.checks().motion.problem()}) {
     if (!problem.empty()) status.mergeSummary(DiagnosticStatus::WARN, problem);
   }
 }
@@ -123,7 +123,7 @@ void Diagnostics::estimator(Status& status) {
   status.add("initialised", newest_output_ != 0 && estimator.hasStarted());
   status.add("motion", from_.system.motionText());
   status.add("frames before the start", from_.system.counts().frames_before_start);
-  for (const StreamNoise& noise : from_.system.checks().noise().streams())
+  for (const StreamNoise& noise : from_.system.checks().noise.streams())
     status.add("noise of " + noise.stream, toText(noise));
   if (!estimator.hasStarted()) {
     status.summary(DiagnosticStatus::WARN, "not started: " + estimator.startProblem());

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <set>
 
-#include "vi_ekf_slam/core/run/imu_calibration.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/node/tuning.hpp"
 #include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"

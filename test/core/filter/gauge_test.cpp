@@ -4,7 +4,7 @@
 #include "states.hpp"
 #include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
-#include "vi_ekf_slam/core/loops/duplicates.hpp"
+#include "vi_ekf_slam/core/loops/fuse_matches.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
 #include "vi_ekf_slam/core/observation/track_slip.hpp"
 

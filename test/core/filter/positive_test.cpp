@@ -7,7 +7,7 @@
 #include "states.hpp"
 #include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
-#include "vi_ekf_slam/core/loops/duplicates.hpp"
+#include "vi_ekf_slam/core/loops/fuse_matches.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -1,10 +1,9 @@
-#include "vi_ekf_slam/core/loops/appearance_claims.hpp"
-
 #include <gtest/gtest.h>
 
 #include "../street.hpp"
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/loops/fuse_matches.hpp"
+#include "vi_ekf_slam/core/loops/returning_landmarks.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -1,8 +1,7 @@
-#include "vi_ekf_slam/core/loops/duplicates.hpp"
-
 #include "../filter/states.hpp"
 #include "vi_ekf_slam/core/filter/pose_reset.hpp"
 #include "vi_ekf_slam/core/health/recovery.hpp"
+#include "vi_ekf_slam/core/loops/fuse_matches.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -1,8 +1,7 @@
-#include "vi_ekf_slam/core/loops/place_agreement.hpp"
-
 #include <gtest/gtest.h>
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

@@ -48,7 +48,7 @@ TEST(Snapshot, HoldsTheEstimateAndIsValid) {
   EXPECT_LT(worstCorrelationError(map->covariance.topLeftCorner<6, 6>(), state.pose_covariance), 1e-9);
   EXPECT_LT(worstCorrelationError(map->covariance.block<6, 6>(6, 6), state.twist_covariance), 1e-9);
   std::size_t compared = 0;
-  for (const LandmarkEstimate& l : estimator.exactLandmarks()) {
+  for (const LandmarkEstimate& l : estimator.exactMap()().landmarks) {
     for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
       if (map->landmarks[i].id != l.id) continue;
       const Eigen::Index row = map->rowOf(i);
@@ -80,7 +80,7 @@ TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
   config.map.max_landmarks = 30; // so that some are archived
   InvariantEstimator estimator = driven(road, 60, config);
   const auto snapshot = estimator.exactMap();
-  const std::vector<LandmarkEstimate> then = estimator.exactLandmarks();
+  const std::vector<LandmarkEstimate> then = estimator.exactMap()().landmarks;
   for (int i = 0; i < 40; ++i) road.feed(estimator);
   const std::vector<LandmarkEstimate> later = snapshot().landmarks;
   ASSERT_EQ(later.size(), then.size());
@@ -89,13 +89,13 @@ TEST(Snapshot, OfTheLandmarksIsOfWhenItWasMade) {
     EXPECT_EQ(later[i].position, then[i].position);
     EXPECT_EQ(later[i].covariance, then[i].covariance);
   }
-  EXPECT_NE(estimator.exactLandmarks().back().id, then.back().id) << "the drive went on";
+  EXPECT_NE(estimator.exactMap()().landmarks.back().id, then.back().id) << "the drive went on";
 }
 
 TEST(Snapshot, OfTheLandmarksIsExact) {
   Road road(9, 40, kTypical);
   const InvariantEstimator estimator = driven(road, 60);
-  const std::vector<LandmarkEstimate> exact = estimator.exactLandmarks(),
+  const std::vector<LandmarkEstimate> exact = estimator.exactMap()().landmarks,
                                       last_settled = estimator.landmarks();
   ASSERT_EQ(exact.size(), last_settled.size());
   double gained = 0.0;
@@ -179,7 +179,7 @@ TEST(Resume, LeavesWhatIsNotSeenAgainAsItWas) {
   const auto later = savedOf(resumed);
   for (const SavedLandmark& l : later->landmarks) saved.insert(l.id);
   std::size_t compared = 0;
-  for (const LandmarkEstimate& l : resumed.exactLandmarks()) {
+  for (const LandmarkEstimate& l : resumed.exactMap()().landmarks) {
     for (std::size_t i = 0; i < map->landmarks.size(); ++i) {
       if (map->landmarks[i].id != l.id || seen.count(l.id)) continue;
       const Eigen::Index row = map->rowOf(i);

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam::test {
 
@@ -20,8 +20,13 @@ std::string errorOf(const F& f) {
   return "";
 }
 
+inline Config configOf(const std::string& yaml, const std::string& source,
+                       const std::vector<std::string>& other_sections = {}) {
+  return parseConfig(parseYaml(yaml, source), source, other_sections);
+}
+
 inline std::string errorIn(const std::string& yaml) {
-  return errorOf([&] { parseConfig(yaml, "robot.yaml"); });
+  return errorOf([&] { configOf(yaml, "robot.yaml"); });
 }
 
 inline void expectAll(const std::string& message, const std::vector<std::string>& parts) {

@@ -14,6 +14,7 @@ namespace {
 
 const std::string kConfigDir = std::string(VI_EKF_SLAM_SOURCE_DIR) + "/config";
 
+using test::configOf;
 using test::errorIn;
 using test::errorOf;
 using test::expectAll;
@@ -66,15 +67,16 @@ TEST(Config, RefusesAnythingAfterTheFirstDocument) {
   }
   expectAll(errorIn("estimator: paper\n---\npaper: {pixel_noise: 2}"),
             {"second document", "'---'", "line 2"});
-  EXPECT_EQ(parseConfig("# a comment\n---\npaper: {pixel_noise: 2}\n...\n", "x").paper.pixel_noise, 2.0);
-  EXPECT_EQ(parseConfig("%YAML 1.2\n---\npaper: {pixel_noise: 2}\n", "x").paper.pixel_noise, 2.0);
+  EXPECT_EQ(configOf("# a comment\n---\npaper: {pixel_noise: 2}\n...\n", "x").paper.pixel_noise, 2.0);
+  EXPECT_EQ(configOf("%YAML 1.2\n---\npaper: {pixel_noise: 2}\n", "x").paper.pixel_noise, 2.0);
 }
 
 TEST(Config, NamesAKeyThatIsNoName) { expectAll(errorIn("? [1, 2]\n: 3"), {"robot.yaml", "key"}); }
 
 TEST(Config, NamesAFileThatCannotBeRead) {
-  expectAll(errorOf([] { loadConfig("/nowhere/robot.yaml"); }), {"/nowhere/robot.yaml", "cannot be opened"});
-  expectAll(errorOf([] { loadConfig(kConfigDir); }), {kConfigDir, "cannot be read"});
+  expectAll(errorOf([] { readYamlFile("/nowhere/robot.yaml"); }),
+            {"/nowhere/robot.yaml", "cannot be opened"});
+  expectAll(errorOf([] { readYamlFile(kConfigDir); }), {kConfigDir, "cannot be read"});
 }
 
 TEST(Config, NamesTheKeyOfAFileThatCannotBeRead) {
@@ -85,14 +87,14 @@ TEST(Config, NamesTheKeyOfAFileThatCannotBeRead) {
 }
 
 TEST(Config, AFileWithoutEndIsNotReadToTheEnd) {
-  expectAll(errorOf([] { loadConfig("/dev/zero"); }), {"/dev/zero", "larger than 1048576 bytes"});
+  expectAll(errorOf([] { readYamlFile("/dev/zero"); }), {"/dev/zero", "larger than 1048576 bytes"});
 }
 
 TEST(Config, OtherSectionsBelongToSomebodyElse) {
   const std::string yaml = "node: {frames: {world: map}}\npaper: {pixel_noise: 2}";
-  EXPECT_EQ(parseConfig(yaml, "x", {"node"}).paper.pixel_noise, 2.0);
+  EXPECT_EQ(configOf(yaml, "x", {"node"}).paper.pixel_noise, 2.0);
   expectAll(errorIn(yaml), {"robot.yaml", "node", "unknown key"});
-  expectAll(errorOf([&] { parseConfig(yaml, "robot.yaml", {"topics"}); }),
+  expectAll(errorOf([&] { configOf(yaml, "robot.yaml", {"topics"}); }),
             {"robot.yaml", "node", "unknown key"});
 }
 
@@ -103,12 +105,14 @@ std::vector<std::string> topLevelKeys(const std::string& path) {
   return keys;
 }
 
+Config load(const std::string& path) { return configOf(readYamlFile(path), path, topLevelKeys(path)); }
+
 TEST(Config, EveryShippedEstimatorFileParses) {
   std::size_t read = 0;
   for (const auto& entry : std::filesystem::directory_iterator(kConfigDir)) {
     const std::string path = entry.path().string();
     if (entry.path().extension() != ".yaml" || !YAML::LoadFile(path)["estimator"]) continue;
-    EXPECT_EQ(errorOf([&] { loadConfig(path, topLevelKeys(path)); }), "") << path;
+    EXPECT_EQ(errorOf([&] { load(path); }), "") << path;
     ++read;
   }
   EXPECT_GE(read, 2U);
@@ -116,7 +120,7 @@ TEST(Config, EveryShippedEstimatorFileParses) {
 
 TEST(Config, PaperFileHoldsTheValuesOfThePaper) {
   const std::string path = kConfigDir + "/paper.yaml";
-  const Config config = loadConfig(path, topLevelKeys(path));
+  const Config config = load(path);
   EXPECT_EQ(config.estimator, EstimatorType::kPaper);
   EXPECT_EQ(config.paper.mode, PaperMode::kSlam);
   EXPECT_EQ(config.paper.motion_noise, Vector6d::Constant(1e-4)); // W
@@ -128,7 +132,7 @@ TEST(Config, PaperFileHoldsTheValuesOfThePaper) {
 
 TEST(Config, DeadReckoningFileAsksForDeadReckoning) {
   const std::string path = kConfigDir + "/dead_reckoning.yaml";
-  EXPECT_EQ(loadConfig(path, topLevelKeys(path)).paper.mode, PaperMode::kDeadReckoning);
+  EXPECT_EQ(load(path).paper.mode, PaperMode::kDeadReckoning);
 }
 
 TEST(Config, ALongFileIsRefusedByItsFirstUnknownKey) {
@@ -159,7 +163,7 @@ TEST(Config, DeepNestingIsAnErrorAndNoCrash) {
 
 TEST(Config, ALongCommentAndAFewBracketsAreNoDeepNesting) {
   const std::string yaml = "# " + std::string(900, '[') + "\npaper: {motion_noise: [1, 1, 1, 1, 1, 1]}";
-  EXPECT_EQ(parseConfig(yaml, "x").paper.motion_noise, Vector6d::Ones());
+  EXPECT_EQ(configOf(yaml, "x").paper.motion_noise, Vector6d::Ones());
 }
 
 TEST(Config, AliasesThatContainThemselvesAreAnErrorAndNoCrash) {
@@ -173,7 +177,7 @@ TEST(Config, AcceptsALongLine) {
   for (int i = 0; i < 5; ++i) list += ", 0.50000000000000000";
   std::string yaml = "{estimator: invariant, invariant: {twist_density: [" + list + "]}, ros: {note: '";
   yaml += std::string(5000, 'x') + "'}}";
-  EXPECT_EQ(parseConfig(yaml, "x", {"ros"}).invariant.motion.twist_density, Vector6d::Constant(0.5));
+  EXPECT_EQ(configOf(yaml, "x", {"ros"}).invariant.motion.twist_density, Vector6d::Constant(0.5));
 }
 
 } // namespace

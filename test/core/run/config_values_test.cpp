@@ -8,6 +8,7 @@
 namespace vi_ekf_slam {
 namespace {
 
+using test::configOf;
 using test::errorIn;
 using test::expectAll;
 
@@ -85,7 +86,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(Config, NothingAtAllMeansTheDefaults) {
   for (const std::string text : {"", "\n", "# a comment", "---", "~", "paper:", "paper: {}", "buffer: ~"}) {
-    const Config config = parseConfig(text, "robot.yaml");
+    const Config config = configOf(text, "robot.yaml");
     EXPECT_EQ(config.estimator, Config().estimator) << text;
     EXPECT_EQ(config.paper.pixel_noise, 5e9) << text;
     EXPECT_EQ(config.buffer.max_delay_s, MeasurementBuffer::Options().max_delay_s) << text;
@@ -93,7 +94,7 @@ TEST(Config, NothingAtAllMeansTheDefaults) {
 }
 
 TEST(Config, EveryKeyReachesItsField) {
-  const Config config = parseConfig(R"(
+  const Config config = configOf(R"(
 estimator: paper
 buffer: {max_delay_s: 0.3, max_jump_s: 4}
 paper:
@@ -107,7 +108,7 @@ paper:
   min_depth_m: 0.75
   max_depth_m: 99
 )",
-                                    "robot.yaml");
+                                 "robot.yaml");
   EXPECT_EQ(config.estimator, EstimatorType::kPaper);
   EXPECT_EQ(config.buffer.max_delay_s, 0.3);
   EXPECT_EQ(config.buffer.max_jump_s, 4.0);
@@ -126,8 +127,7 @@ paper:
 
 TEST(Config, StudiesMaySwitchOffWhatNoVehicleAsksFor) {
   const InvariantConfig c =
-      parseConfig("studies: {consensus: false, plausible_gate: 14, motion_gate: 15, divergence_jump_m: 0}",
-                  "x")
+      configOf("studies: {consensus: false, plausible_gate: 14, motion_gate: 15, divergence_jump_m: 0}", "x")
           .invariant;
   EXPECT_FALSE(c.update.consensus);
   EXPECT_EQ(c.update.plausible_gate, 14.0);
@@ -137,11 +137,11 @@ TEST(Config, StudiesMaySwitchOffWhatNoVehicleAsksFor) {
 
 TEST(Config, NumbersMayBeWrittenAsPythonWritesThem) {
   // YAML 1.1 readers take 5e9 for text; PyYAML writes it so.
-  EXPECT_EQ(parseConfig("paper: {pixel_noise: 5e9}", "x").paper.pixel_noise, 5e9);
-  EXPECT_EQ(parseConfig("paper: {pixel_noise: '5e9'}", "x").paper.pixel_noise, 5e9);
-  EXPECT_EQ(parseConfig("paper: {pixel_noise: 5.0e+09}", "x").paper.pixel_noise, 5e9);
-  EXPECT_EQ(parseConfig("paper: {motion_noise: 1e-4}", "x").paper.motion_noise, Vector6d::Constant(1e-4));
-  EXPECT_EQ(parseConfig("map: {max_landmarks: 1e3}", "x").invariant.map.max_landmarks, 1000U);
+  EXPECT_EQ(configOf("paper: {pixel_noise: 5e9}", "x").paper.pixel_noise, 5e9);
+  EXPECT_EQ(configOf("paper: {pixel_noise: '5e9'}", "x").paper.pixel_noise, 5e9);
+  EXPECT_EQ(configOf("paper: {pixel_noise: 5.0e+09}", "x").paper.pixel_noise, 5e9);
+  EXPECT_EQ(configOf("paper: {motion_noise: 1e-4}", "x").paper.motion_noise, Vector6d::Constant(1e-4));
+  EXPECT_EQ(configOf("map: {max_landmarks: 1e3}", "x").invariant.map.max_landmarks, 1000U);
 }
 
 } // namespace

@@ -1,7 +1,5 @@
 // Files of an IMU's noise and of an initial state.
 
-#include "vi_ekf_slam/core/run/imu_calibration.hpp"
-
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
@@ -11,6 +9,7 @@
 
 #include "../numeric.hpp"
 #include "config_errors.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

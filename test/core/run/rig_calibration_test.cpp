@@ -1,12 +1,11 @@
-#include "vi_ekf_slam/core/run/rig_calibration.hpp"
-
 #include <gtest/gtest.h>
 
 #include <fstream>
 
 #include "../street.hpp"
+#include "config_errors.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/run/calibration_files.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {
@@ -46,7 +45,7 @@ TEST(RigCalibration, IsWhereTheNextRunGoesOn) {
   const RigEstimate e = estimate();
   const std::string file = written(rigCalibrationText(e));
   const Config config =
-      parseConfig("calibration: {file: " + file + ", rotation_sigma: 0.1, scale_sigma: 0.1}", "test");
+      configOf("calibration: {file: " + file + ", rotation_sigma: 0.1, scale_sigma: 0.1}", "test");
   const RigVariables::Options& rig = config.invariant.rig;
   EXPECT_LT(distance(rig.rotation_sigma, e.rotation_sigma), 1e-12);
   EXPECT_TRUE(rig.translation_sigma.isZero(0.0));

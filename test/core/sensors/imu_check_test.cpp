@@ -237,7 +237,7 @@ TEST_F(StoppedImu, IsNamedAndTheEstimateGoesOnWithAGrowingCovariance) {
   system_.flush();
   ASSERT_EQ(frames_.size(), 60U);
   EXPECT_TRUE(contains(said_, "the IMU has stopped")) << ::testing::PrintToString(said_);
-  EXPECT_EQ(system_.checks().imu().counts().stops, 1U);
+  EXPECT_EQ(system_.checks().imu.counts().stops, 1U);
   const auto sigma = [this](std::size_t i) {
     return std::sqrt(frames_[i].pose_covariance.topLeftCorner<3, 3>().trace());
   };

@@ -228,7 +228,7 @@ TEST(MotionCheck, IsPartOfTheSystemAndSaysItOnce) {
   system.flush();
   ASSERT_EQ(said.size(), 1U);
   EXPECT_TRUE(has(said.front(), kWay)) << said.front();
-  EXPECT_EQ(system.checks().motion().problem(), said.front());
+  EXPECT_EQ(system.checks().motion.problem(), said.front());
 }
 
 } // namespace

@@ -128,7 +128,7 @@ TEST(NoiseReport, OfASystemNamesStreamsAsTheyAreUsed) {
   system.reset("for no reason");
   measure(3);
   EXPECT_EQ(said, (std::vector<std::string>{"gyro", "pixels"}));
-  EXPECT_EQ(system.checks().noise().streams().size(), 2U);
+  EXPECT_EQ(system.checks().noise.streams().size(), 2U);
 }
 
 } // namespace

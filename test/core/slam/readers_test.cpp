@@ -16,15 +16,15 @@ void readAll(const Estimator& estimator) {
   (void)estimator.state();
   (void)estimator.landmarks();
   (void)estimator.canBridge(3.0);
-  (void)estimator.exactLandmarks();
+  (void)estimator.exactMap()().landmarks;
   if (const auto saved = estimator.savedMap()) (void)saved();
 }
 
 void expectSameWhole(const InvariantEstimator& a, const InvariantEstimator& b) {
   expectSame(a.state(), b.state(), 0.0);
   for (const bool exact : {false, true}) {
-    const auto map_a = exact ? a.exactLandmarks() : a.landmarks(),
-               map_b = exact ? b.exactLandmarks() : b.landmarks();
+    const auto map_a = exact ? a.exactMap()().landmarks : a.landmarks(),
+               map_b = exact ? b.exactMap()().landmarks : b.landmarks();
     ASSERT_EQ(map_a.size(), map_b.size());
     for (std::size_t i = 0; i < map_a.size(); ++i) {
       ASSERT_EQ(map_a[i].id, map_b[i].id);
@@ -84,9 +84,9 @@ TEST(Readers, OfACopyDoNotSeeWhatBecomesOfTheOriginal) {
   Road road(7, 40, kTypical);
   InvariantEstimator estimator = driven(road, 40);
   const InvariantEstimator copy = estimator;
-  const auto then = copy.exactLandmarks();
+  const auto then = copy.exactMap()().landmarks;
   for (int i = 0; i < 30; ++i) road.feed(estimator);
-  const auto now = copy.exactLandmarks();
+  const auto now = copy.exactMap()().landmarks;
   ASSERT_EQ(now.size(), then.size());
   for (std::size_t i = 0; i < now.size(); ++i) EXPECT_EQ(now[i].covariance, then[i].covariance);
 }

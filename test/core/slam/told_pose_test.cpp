@@ -26,7 +26,7 @@ TEST(ToldPose, IsWhereTheEstimateGoesOn) {
   Road road(3, 40, kTypical);
   InvariantEstimator estimator = driven(road, 60);
   const Vector6d twist = estimator.state().twist;
-  const auto map = estimator.exactLandmarks();
+  const auto map = estimator.exactMap()().landmarks;
   const SE3 somewhere = SE3::Exp((Vector6d() << 200.0, -50.0, 3.0, 0.0, 0.0, 2.0).finished());
   const SE3 told = somewhere * road.truth();
   ASSERT_TRUE(estimator.setPose(told, kTold));
@@ -34,7 +34,7 @@ TEST(ToldPose, IsWhereTheEstimateGoesOn) {
   EXPECT_LT(distance(state.world_T_imu.matrix(), told.matrix()), 1e-9);
   EXPECT_LT(relativeDistance(state.pose_covariance, kTold), 1e-3);
   EXPECT_LT(distance(state.twist, twist), 1e-6) << "nothing was said of the twist";
-  const auto still = estimator.exactLandmarks();
+  const auto still = estimator.exactMap()().landmarks;
   EXPECT_GT(still.size(), map.size() * 9 / 10); // not the tracks that have just begun
   for (const LandmarkEstimate& l : still) {
     const auto same = [&l](const LandmarkEstimate& other) { return other.id == l.id; };
@@ -68,7 +68,7 @@ TEST(ToldPose, InALoadedMapIsThePlaceThere) {
   EXPECT_EQ(MapUse::kRelocalised, second.mapUse());
   EXPECT_LT(distance(second.state().world_T_imu.matrix(), told.matrix()), 1e-9);
   EXPECT_LT(relativeDistance(second.state().pose_covariance, kTold), 1e-3);
-  EXPECT_GE(second.exactLandmarks().size(), map->landmarks.size());
+  EXPECT_GE(second.exactMap()().landmarks.size(), map->landmarks.size());
   expectToGoOn(second, road, SE3());
 }
 

@@ -123,7 +123,7 @@ std::set<FeatureId> idsOf(const std::vector<LandmarkEstimate>& landmarks) {
 /// All ids that an estimator will ever show: published, exact and saved.
 std::set<FeatureId> idsIn(const Estimator& estimator) {
   std::set<FeatureId> ids = idsOf(estimator.landmarks());
-  ids.merge(idsOf(estimator.exactLandmarks()));
+  ids.merge(idsOf(estimator.exactMap()().landmarks));
   if (!estimator.keepsJointMap()) return ids;
   for (const SavedLandmark& l : estimator.savedMap()().landmarks) ids.insert(l.id);
   return ids;
@@ -285,7 +285,7 @@ TEST(SkippedFrame, IsAsIfItHadNotBeen) {
     EXPECT_GE(report.landmarks, 25u);
     expectSame(now.estimator.state(), without.state(), 0.0);
     expectSameMap(now.estimator.landmarks(), without.landmarks());
-    expectSameMap(now.estimator.exactLandmarks(), without.exactLandmarks());
+    expectSameMap(now.estimator.exactMap()().landmarks, without.exactMap()().landmarks);
   }
   const FrameReport after = now.estimator.process(now.frame), expected = without.process(now.frame);
   EXPECT_GE(after.used, 20u);
@@ -294,7 +294,7 @@ TEST(SkippedFrame, IsAsIfItHadNotBeen) {
   EXPECT_EQ(after.initialised, expected.initialised);
   EXPECT_EQ(after.removed, expected.removed);
   expectSame(now.estimator.state(), without.state(), 0.0);
-  expectSameMap(now.estimator.exactLandmarks(), without.exactLandmarks());
+  expectSameMap(now.estimator.exactMap()().landmarks, without.exactMap()().landmarks);
 }
 
 /// Every pixel far off, to one side or the other.

@@ -59,7 +59,6 @@ class Recovery {
     Stamp stamp = 0;
     std::optional<Eigen::Matrix3d> noise;
   };
-  std::optional<Eigen::Matrix3d> noiseOf(const Sample& last, Stamp now) const;
 
   Options options_;
   const MotionModel* motion_;

@@ -2,9 +2,9 @@
 
 #include <optional>
 
+#include "vi_ekf_slam/core/loops/appearance_index.hpp"
 #include "vi_ekf_slam/core/loops/fuse_matches.hpp"
-#include "vi_ekf_slam/core/loops/look_ups.hpp"
-#include "vi_ekf_slam/core/loops/place_agreement.hpp"
+#include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 #include "vi_ekf_slam/core/loops/settling.hpp"
 
 namespace vi_ekf_slam {
@@ -24,7 +24,6 @@ class AppearanceLoops {
 
  private:
   bool confirms(const Recognition& found, const Filter& filter, const LandmarkMap& map);
-  Revisit close(const Recognition& found, Filter& filter, LandmarkMap& map);
   void index(const Filter& filter, const LandmarkMap& map);
   std::optional<Recognition> recognise(const Filter& filter, const LandmarkMap& map) const;
 

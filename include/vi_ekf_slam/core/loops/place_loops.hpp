@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/loops/fuse_matches.hpp"
-#include "vi_ekf_slam/core/loops/place_agreement.hpp"
+#include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 #include "vi_ekf_slam/core/loops/settling.hpp"
 
 namespace vi_ekf_slam {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -10,6 +11,13 @@
 #include "vi_ekf_slam/core/types.hpp"
 
 namespace vi_ekf_slam {
+
+/// How places are recognised where ids do not return.
+enum class PlaceRecognition : std::uint8_t {
+  kNone,
+  kDescriptors,   ///< by what landmarks look like, where features come with descriptors
+  kConstellation, ///< by their constellation too
+};
 
 /// A landmark as the recogniser sees it: a point (world, m) with a name.
 struct PlacePoint {
@@ -34,5 +42,32 @@ struct Recognition {
 std::optional<Recognition> recognisePlace(const std::vector<PlacePoint>& now,
                                           const std::vector<PlacePoint>& before, const Eigen::Vector3d& about,
                                           const Matrix6d& covariance);
+
+/// Believes a place that is recognised when it is again from some way farther on, by other points.
+class PlaceAgreement {
+ public:
+  /// `attempts` that agree, of which the last one has at least `least` matches that the first did not have.
+  PlaceAgreement(int attempts, std::size_t least) : attempts_(attempts), least_(least) {}
+  /// What recognition by looks needs.
+  static PlaceAgreement byLooks() { return {3, 3}; }
+  static constexpr double kWayByLooks = 0.15; ///< of the landmarks' distance, between the first and the last
+
+  /// Whether `found`, from the vehicle's position `about` (world, m), confirms what was found before, at
+  /// least `way` m before. Until all begins anew another one may.
+  bool confirms(const Recognition& found, const Eigen::Vector3d& about, double way);
+  /// What was confirmed is made use of, or the world is another one.
+  void restart() { first_.reset(); }
+
+ private:
+  struct Attempt {
+    Recognition recognition;
+    Eigen::Vector3d about;
+  };
+
+  int attempts_;
+  std::size_t least_;
+  std::optional<Attempt> first_;
+  int agreed_ = 0;
+};
 
 } // namespace vi_ekf_slam

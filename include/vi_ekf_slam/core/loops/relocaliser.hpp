@@ -5,8 +5,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "vi_ekf_slam/core/loops/look_ups.hpp"
-#include "vi_ekf_slam/core/loops/place_agreement.hpp"
+#include "vi_ekf_slam/core/loops/appearance_index.hpp"
+#include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 #include "vi_ekf_slam/core/loops/returning_landmarks.hpp"
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 
@@ -42,7 +42,6 @@ class Relocaliser {
   std::optional<Place> find(const Filter& filter, const LandmarkMap& landmarks, const Candidates& candidates,
                             double share) const;
   Candidates candidatesById(const LandmarkMap& landmarks) const;
-  Candidates candidatesByLooks(const LandmarkMap& landmarks);
   std::optional<Place> findByLooks(const Filter& filter, const LandmarkMap& landmarks);
   void enter(const SE3& map_T_session, Filter& filter, LandmarkMap& landmarks, bool renumbered = false) const;
   bool moveTo(const Place& place, Filter& filter, LandmarkMap& landmarks,

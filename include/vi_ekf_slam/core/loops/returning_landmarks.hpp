@@ -13,6 +13,13 @@ namespace vi_ekf_slam {
 /// for some time are expected from now on, the nearest ones. Once a second.
 void lookAhead(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp now, Settling& settling);
 
+/// Before a frame is associated: features of new tracks that look like landmarks which are expected in view,
+/// and lie where these should be seen, are theirs from now on, to kCornerSigma. Where the present view does
+/// not tell that place well, or nothing tracked is seen, only three that agree are believed: the tracks of a
+/// new view agree with whatever moves the pose.
+void claimExpected(Filter& filter, LandmarkMap& map, const StereoModel& model, const StereoFrame& frame,
+                   const std::vector<std::size_t>& usable);
+
 /// Closes loops where ids return. Such a landmark begins as a new one. When some have been seen often enough
 /// they are fused with what was seen of them before. Those that are expected are recognised at first sight.
 class ReturningLandmarks {

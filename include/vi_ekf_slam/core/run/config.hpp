@@ -57,11 +57,5 @@ struct Config {
 /// in messages; a file that the document names by a relative path is in `folder`.
 Config parseConfig(const YAML::Node& document, const std::string& source,
                    const std::vector<std::string>& other_sections = {}, const std::string& folder = {});
-/// parseConfig of a text.
-Config parseConfig(const std::string& yaml, const std::string& source,
-                   const std::vector<std::string>& other_sections = {});
-
-/// parseConfig of a file; what it names is beside it.
-Config loadConfig(const std::string& path, const std::vector<std::string>& other_sections = {});
 
 } // namespace vi_ekf_slam

@@ -34,9 +34,9 @@ struct RunSummary {
 
 /// Collects the results of a run and writes them into a folder. Units: s, m, rad; poses are of the IMU.
 ///
-/// - trajectory.tum, dead_reckoning.tum: `stamp tx ty tz qx qy qz qw` of world_T_imu and odom_T_imu, one line
-/// a
-///   stereo frame. Input without any stereo frame (dead reckoning only) has one line a gyro sample instead.
+/// - trajectory.tum, dead_reckoning.tum: `stamp tx ty tz qx qy qz qw` of world_T_imu and odom_T_imu, a line
+///   for each stereo frame. Input without any stereo frame (dead reckoning only) has one for each gyro
+///   sample.
 /// - covariance.csv: stamp and the upper triangle, row by row, of the 6x6 pose covariance (StateEstimate's
 ///   convention): x, y, z in m, then rotations a, b, c in rad about the world axes; `xa` is cov(x, a).
 /// - trajectory_smoothed.tum, covariance_smoothed.csv: the same moments as they are known at the end
@@ -102,7 +102,6 @@ class RunWriter {
     std::optional<PathEstimate> path = std::nullopt; ///< once it has ended
   };
 
-  static RunRecord toRecord(const Output& output);
   static std::string earlierPath(const std::string& directory, std::size_t number);
   static void writeRun(const std::string& directory, const Run& run);
   static void writeSmoothed(const std::string& directory, const RunRecords& records,

@@ -51,7 +51,7 @@ class Arrivals {
   /// The oldest sample of the IMU that is held; none: nullptr.
   const ImuSample* nextImu() const { return buffer_.nextImu(); }
   /// The data are over: nothing will confirm a stamp that is far off.
-  void close();
+  void close() { guard_.discard(); }
   /// Forgets all that is held; counts stay.
   void clear();
 
@@ -62,18 +62,17 @@ class Arrivals {
   std::optional<Stamp> newest() const { return buffer_.newest(); }
   /// s of sensor time from the first stamp since the last clear to the newest one.
   std::optional<double> duration() const;
-  const ArrivalCounts& counts() const { return counts_; }
+  ArrivalCounts counts() const;
 
  private:
   void buffer(Measurement measurement);
-  void countStrays();
 
   MeasurementBuffer::Options options_;
   ClockGuard guard_;
   MeasurementBuffer buffer_;
   std::vector<Measurement> jumped_;
   std::optional<Stamp> first_stamp_;
-  ArrivalCounts counts_;
+  ArrivalCounts counts_; ///< but for strays
 };
 
 } // namespace vi_ekf_slam

@@ -49,6 +49,7 @@ class ImuCheck {
   void say(const std::string& text) const {
     if (handler_) handler_(text);
   }
+  void find(Fault fault, const std::string& text) { say(faults_[fault] = text); }
   void noteInterval(Stamp from, Stamp to);
   void noteRate(const ImuSample& sample);
   void noteAcceleration(const ImuSample& sample);

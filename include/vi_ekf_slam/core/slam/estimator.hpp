@@ -98,7 +98,6 @@ class Estimator {
   virtual std::function<MapEstimate()> exactMap() const {
     return [all = landmarks()] { return MapEstimate{all, {}}; };
   }
-  std::vector<LandmarkEstimate> exactLandmarks() const { return exactMap()().landmarks; }
 
   /// The path so far as it is known now, see PathEstimate; covariances as landmarks(). Without nodes for an
   /// estimator that keeps no joint map: nothing that it learns changes what was.

@@ -60,8 +60,6 @@ class InertialAlignment {
   InitialState stateOf(const GravityFit& fit) const;
 
   InvariantConfig config_;
-  std::optional<StereoRig> rig_;
-  std::optional<TwistBias> bias_;
   std::unique_ptr<InvariantEstimator> odometry_; ///< of the pictures and the gyro
   std::deque<Measurement> measurements_;
   std::deque<SeenPose> poses_;                                    ///< of the IMU, by odometry

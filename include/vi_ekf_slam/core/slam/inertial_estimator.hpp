@@ -35,25 +35,30 @@ class InertialEstimator : public Estimator {
   bool canBridge(double gap_s) const override { return !filter_ || filter_->canBridge(gap_s); }
   Forecast forecast() const override { return filter_ ? filter_->forecast() : forecast_; }
   void beginAt(Forecast forecast) override { forecast_ = std::move(forecast); }
-  StateEstimate state() const override;
+  StateEstimate state() const override { return filter_ ? filter_->state() : alignment_->state(); }
   std::optional<RigEstimate> rig() const override { return filter_ ? filter_->rig() : std::nullopt; }
   double timeOffset() const override { return filter_ ? filter_->timeOffset() : config_.rig.time_offset; }
-  std::vector<LandmarkEstimate> landmarks() const override;
-  std::function<MapEstimate()> exactMap() const override;
+  std::vector<LandmarkEstimate> landmarks() const override {
+    return filter_ ? filter_->landmarks() : std::vector<LandmarkEstimate>();
+  }
+  std::function<MapEstimate()> exactMap() const override {
+    return filter_ ? filter_->exactMap() : Estimator::exactMap();
+  }
   PathEstimate path() const override { return filter_ ? filter_->path() : PathEstimate(); }
   std::optional<ClosedLoop> closedLoop() const override {
     return filter_ ? filter_->closedLoop() : std::nullopt;
   }
   bool keepsJointMap() const override { return config_.map.keep != MapKeep::kNone; }
-  std::function<SavedMap()> savedMap() const override;
+  std::function<SavedMap()> savedMap() const override {
+    return filter_ ? filter_->savedMap() : Estimator::savedMap();
+  }
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override;
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
-  MapUse mapUse() const override;
+  MapUse mapUse() const override {
+    return filter_ ? filter_->mapUse() : map_ || resuming_ ? MapUse::kWaiting : MapUse::kNone;
+  }
 
  private:
-  /// A filter or an alignment that knows what is told so far.
-  template <class Part>
-  std::unique_ptr<Part> make() const;
   template <class Tell>
   void tellAll(const Tell& tell);
   void tryToGoOn(Stamp now);
@@ -64,8 +69,6 @@ class InertialEstimator : public Estimator {
   bool learnClock(const InvariantEstimator& filter);
 
   InvariantConfig config_;
-  std::optional<StereoRig> rig_;
-  std::optional<TwistBias> bias_;
   std::shared_ptr<const SavedMap> map_; ///< to find the place in
   std::unique_ptr<InvariantEstimator> filter_;
   std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is verified

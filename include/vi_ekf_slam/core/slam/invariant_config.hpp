@@ -1,7 +1,9 @@
 #pragma once
 
+#include <optional>
+
 #include "vi_ekf_slam/core/health/recovery.hpp"
-#include "vi_ekf_slam/core/loops/place_recognition.hpp"
+#include "vi_ekf_slam/core/loops/place_recogniser.hpp"
 #include "vi_ekf_slam/core/map/landmark_map.hpp"
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
 #include "vi_ekf_slam/core/motion/inertial.hpp"
@@ -47,6 +49,10 @@ struct InvariantConfig {
   /// for a frame grows with their cube.
   std::size_t max_tracked = 80;
   PlaceRecognition recognise_places = PlaceRecognition::kDescriptors;
+
+  /// What is known already when an estimator is made, and told to it: see Estimator::setRig, setBiasPrior.
+  std::optional<StereoRig> told_rig{};
+  std::optional<TwistBias> told_bias{};
 };
 
 } // namespace vi_ekf_slam

@@ -24,7 +24,8 @@ class InvariantEstimator : public Estimator {
   std::optional<SE3> startPose() const override { return motion_->startPose(); }
   /// What is known of the IMU from before the state that it begins with.
   void preset(const ImuTrack& imu) { imu_ = imu; }
-  /// Goes on from a saved map if it may (see resumeFrom), for a measurement at `now`; whether it did.
+  /// Goes on from a saved map if it may (see resumeFrom), for the first measurement, at `now`; whether it
+  /// does.
   bool resumeAt(Stamp now);
   /// Between the two neither rotation nor velocity is known, and points start as SceneDisparities has them.
   void startOpen() { is_starting_ = true; }
@@ -57,11 +58,9 @@ class InvariantEstimator : public Estimator {
   std::optional<ClosedLoop> closedLoop() const override { return map_.closedLoop(); }
   bool keepsJointMap() const override { return map_.isKept(); }
   std::function<SavedMap()> savedMap() const override;
-  void relocaliseIn(std::shared_ptr<const SavedMap> map) override {
-    map_.closures().relocaliseIn(std::move(map));
-  }
+  void relocaliseIn(std::shared_ptr<const SavedMap> map) override { map_.relocaliseIn(std::move(map)); }
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
-  MapUse mapUse() const override { return map_.closures().use(); }
+  MapUse mapUse() const override { return resume_map_ ? MapUse::kWaiting : map_.use(); }
 
  private:
   void begin(const SE3& pose, const Matrix6d& covariance);
@@ -76,7 +75,6 @@ class InvariantEstimator : public Estimator {
   void updateTracks(const StereoFrame& frame, const Associations& seen, const FrameOutcome& outcome,
                     FrameReport& report);
   void initialise(const StereoFrame& frame, const std::vector<std::size_t>& features, FrameReport& report);
-  void resume(const Closures::Resume& from, Stamp stamp);
 
   struct LastFrame {
     Stamp stamp;
@@ -102,6 +100,8 @@ class InvariantEstimator : public Estimator {
   std::size_t contradicting_velocities_ = 0; ///< since the last frame
   std::optional<Stamp> stamp_;
   std::optional<LastFrame> last_frame_;
+  std::shared_ptr<const SavedMap> resume_map_; ///< to go on from, if the first measurement comes soon enough
+  double max_gap_s_ = 0.0;                     ///< s after it
 };
 
 } // namespace vi_ekf_slam

@@ -1,29 +1,38 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
+#include <vector>
 
-#include "vi_ekf_slam/core/loops/closures.hpp"
+#include "vi_ekf_slam/core/health/frame_report.hpp"
+#include "vi_ekf_slam/core/loops/appearance_loops.hpp"
+#include "vi_ekf_slam/core/loops/place_loops.hpp"
+#include "vi_ekf_slam/core/loops/relocaliser.hpp"
+#include "vi_ekf_slam/core/loops/returning_landmarks.hpp"
+#include "vi_ekf_slam/core/loops/settling.hpp"
 #include "vi_ekf_slam/core/map/pose_clones.hpp"
 
 namespace vi_ekf_slam {
 
-/// The map that a drive makes and the path through it: landmarks, clones of the pose, and what ties both to
-/// what was seen before. What is out of view are inactive variables of one filter, which each call is given.
+/// The map that a drive makes and the path through it: landmarks, clones of the pose, and all by which both
+/// are tied to what is known of places from before: ids that return, places that are recognised, and a saved
+/// map. What is out of view are inactive variables of one filter, which each call is given.
 class JointMap {
  public:
   JointMap(const LandmarkMap::Options& options, PlaceRecognition recognition)
-      : landmarks_(options), closures_(recognition) {}
+      : landmarks_(options), recognition_(recognition) {}
 
   /// Whether what is out of view stays in the joint covariance; without it no path is kept either.
   bool isKept() const { return landmarks_.keepsInactive(); }
   LandmarkMap& landmarks() { return landmarks_; }
   const LandmarkMap& landmarks() const { return landmarks_; }
-  Closures& closures() { return closures_; }
-  const Closures& closures() const { return closures_; }
   /// That the last frame has closed.
   const std::optional<ClosedLoop>& closedLoop() const { return loop_; }
 
+  /// Before the frame's features are associated: landmarks that are expected in view become active.
+  void expect(Filter& filter, const StereoModel& model, const StereoFrame& frame,
+              const std::vector<std::size_t>& usable);
   /// A frame has corrected the pose; before it begins landmarks.
   void addPose(Filter& filter, Stamp now);
   /// At the end of the report's frame.
@@ -34,10 +43,19 @@ class JointMap {
   void forgetPath() { clones_.clear(); }
   /// The pose of now is not where motion alone has led.
   void breakOffPath() { clones_.breakOff(); }
+  /// What was about to be tied to what is not, any more.
+  void forgetLoops();
   /// Of a filter that is to be given up all last estimates stay.
   void archive(const Filter& filter);
   /// Marginalises all that is out of view.
   void marginalise(Filter& filter) { landmarks_.bound(filter, true); }
+
+  void relocaliseIn(std::shared_ptr<const SavedMap> map);
+  /// Somebody says where in that map the vehicle is, see Relocaliser::placeAt.
+  bool placeIn(Filter& filter, const SE3& pose, const Matrix6d& covariance);
+  /// Filter and landmarks are those of a saved map.
+  void noteResumed() { use_ = MapUse::kResumed; }
+  MapUse use() const { return use_; }
 
   /// Landmarks and path with the covariances of now, see Estimator::exactMap.
   std::function<MapEstimate()> exact(const Filter& filter, Stamp now) const;
@@ -45,8 +63,17 @@ class JointMap {
   PathEstimate path(const Filter& filter, Stamp now) const;
 
  private:
+  Revisit tieToPlaces(Filter& filter, const StereoModel& model, FrameReport& report);
+  void noteRelocalised();
+
   LandmarkMap landmarks_;
-  Closures closures_;
+  PlaceRecognition recognition_;
+  Settling settling_;
+  ReturningLandmarks returning_;
+  AppearanceLoops by_appearance_;
+  PlaceLoops by_constellation_;
+  std::optional<Relocaliser> relocaliser_; ///< while the place in a saved map is looked for
+  MapUse use_ = MapUse::kNone;
   PoseClones clones_;
   std::optional<ClosedLoop> loop_;
 };

@@ -20,7 +20,7 @@ class MotionCheck {
   /// Of a filter that is configured so.
   explicit MotionCheck(const InvariantConfig& config);
 
-  void setRig(const StereoRig& rig) { rig_ = rig; }
+  void setRig(const StereoRig& rig) { config_.told_rig = rig; }
   // In the order of stamps.
   void note(const ImuSample& sample);
   /// Of the IMU's own velocity.
@@ -60,8 +60,8 @@ class MotionCheck {
     SE3 start;                                    ///< its pose at the begin
     // What is told, in the body's axes at the begin, and of what variance:
     Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
-    Eigen::Vector3d way = Eigen::Vector3d::Zero(); ///< m
-    double angle = 0.0;                            ///< rad, of all turns, which may be several
+    Eigen::Vector3d way = Eigen::Vector3d::Zero();  ///< m
+    double angle = 0.0;                             ///< rad, of all turns, which may be several
     Eigen::Vector3d rate = Eigen::Vector3d::Zero(); ///< rad/s, at the begin
     std::size_t gyro_samples = 0;
     double turned_variance = 0.0, way_variance = 0.0;
@@ -95,7 +95,6 @@ class MotionCheck {
   static std::string asThePicturesDo(const Judged& judged, const std::string& unit, const std::string& hint);
 
   InvariantConfig config_;
-  std::optional<StereoRig> rig_;
   Samples gyro_, velocity_;
   Judged turn_, way_;
   ClockOffset clock_;

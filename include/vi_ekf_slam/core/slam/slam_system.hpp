@@ -13,10 +13,12 @@
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/arrivals.hpp"
+#include "vi_ekf_slam/core/sensors/imu_check.hpp"
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
+#include "vi_ekf_slam/core/slam/motion_check.hpp"
 #include "vi_ekf_slam/core/slam/motion_selection.hpp"
-#include "vi_ekf_slam/core/slam/sensor_checks.hpp"
+#include "vi_ekf_slam/core/slam/noise_report.hpp"
 
 namespace vi_ekf_slam {
 
@@ -52,6 +54,13 @@ struct ProcessingCounts {
 /// Counts since construction; a reset does not clear them.
 struct SystemCounts : ArrivalCounts, ProcessingCounts {};
 
+/// What is looked at beside the estimate. Nothing is dropped for it.
+struct SensorChecks {
+  NoiseReport noise;  ///< that the sensors are taken to have, and from where
+  ImuCheck imu;       ///< whether the IMU's samples are what they must be
+  MotionCheck motion; ///< whether gyro and velocity move as the pictures do
+};
+
 /// The estimator that `config.estimator` asks for.
 std::unique_ptr<Estimator> makeEstimator(const Config& config);
 
@@ -76,7 +85,7 @@ class SlamSystem {
     handlers_.map_end = std::move(handler);
   }
   /// Called when a sensor is used for the first time: which noise it is taken to have, and from where.
-  void onNoise(std::function<void(const StreamNoise&)> handler) { checks_.onNoise(std::move(handler)); }
+  void onNoise(std::function<void(const StreamNoise&)> handler) { handlers_.noise = std::move(handler); }
 
   /// Calibration. Measurements wait for it at the start, at most `rig_wait_s` of sensor time and as many as
   /// the buffer may hold, unless the configuration does not look at features at all.
@@ -105,7 +114,10 @@ class SlamSystem {
   void onStart(std::function<void(const std::string&)> handler) { handlers_.start = std::move(handler); }
 
   /// Called with what is wrong with the sensors, once each.
-  void onProblem(std::function<void(const std::string&)> handler) { checks_.onProblem(std::move(handler)); }
+  void onProblem(std::function<void(const std::string&)> handler) {
+    checks_.imu.onProblem(handler);
+    handlers_.problem = std::move(handler);
+  }
   const SensorChecks& checks() const { return checks_; }
   /// The latest stamp that has come since the start; nothing: none has.
   std::optional<Stamp> newest() const { return arrivals_.newest(); }
@@ -147,7 +159,8 @@ class SlamSystem {
     std::function<void(const Output&)> frame, gyro;
     ResetHandler reset;
     std::function<void(std::function<SavedMap()>)> map_end;
-    std::function<void(const std::string&)> start;
+    std::function<void(const std::string&)> start, problem;
+    std::function<void(const StreamNoise&)> noise;
   };
   /// What every new estimator is told.
   struct Given {
@@ -168,6 +181,7 @@ class SlamSystem {
   std::unique_ptr<Estimator> makeEstimator() const;
   bool waits() const;
   void reportStart();
+  void tellProblem(const std::string& problem) const;
   void updateDeadReckoning(const Measurement& measurement, const StateEstimate& state);
   void process(const Measurement& measurement);
   void process(const ImuSample& sample);
@@ -184,7 +198,7 @@ class SlamSystem {
   Given given_;
   bool keeps_map_ = false;
   std::shared_ptr<const SavedMap> before_gap_; ///< in which the place is looked for until it is found
-  std::optional<Stamp> reached_; ///< by the estimate
+  std::optional<Stamp> reached_;               ///< by the estimate
   DeadReckoning dead_reckoning_;
   std::optional<Stamp> last_velocity_; ///< since the start
   LeverArm lever_arm_;
