@@ -6,17 +6,10 @@ with the tests of its test node, and rostest-*.xml with one case `testNAME` that
 only where it says something new: the node left no result, or it failed though all of its tests passed.
 """
 
+import glob
 import os
 import sys
 import xml.etree.ElementTree as ElementTree
-
-
-def result_files(directory):
-    """Paths of the results, sorted."""
-    for folder, _, names in sorted(os.walk(directory)):
-        for name in sorted(names):
-            if name.endswith(".xml"):
-                yield os.path.join(folder, name)
 
 
 def outcomes(path):
@@ -49,7 +42,7 @@ def repeats(path, outcome, name, node_results):
 def main(directory):
     """Print the counts; the exit status."""
     counts = {"passed": 0, "failed": 0, "skipped": 0}
-    paths = list(result_files(directory))
+    paths = sorted(glob.glob(os.path.join(glob.escape(directory), "**", "*.xml"), recursive=True))
     node_results = {os.path.basename(path)[len("rosunit-"):-len(".xml")]: {outcome for outcome, _ in outcomes(path)}
                     for path in paths if os.path.basename(path).startswith("rosunit-")}
     for path in paths:

@@ -223,7 +223,6 @@ def choose(things, wanted, what):
 
 
 def parse(argv):
-    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], epilog=(
         "The last column counts the drives whose ATE is beyond the larger of %g times that of dead reckoning and %g %% of "
         "the distance. Exit code: 0; 1 when a run failed (the others are written); 2 when nothing could be done."

@@ -93,13 +93,6 @@ def check_sigmas(options):
             raise InputError("%s is %g %s, allowed: from %g to %g" % (option, sigma, unit, *SIGMA_LIMITS))
 
 
-def check_bag_output(path, source):
-    """InputError unless a bag can be put there: a glob that matches a second drive must not have it replaced."""
-    check_output(path, source)
-    if not path.endswith(".bag"):
-        raise InputError("OUT.bag is %s, allowed: a name that ends in .bag" % path)
-
-
 def convert(options):
     """Do what the parsed options ask; InputError when something is refused."""
     check_sigmas(options)
@@ -109,7 +102,8 @@ def convert(options):
     if not options.info:
         if options.output is None:
             raise InputError("OUT.bag is missing; only --info works without it")
-        check_bag_output(options.output, options.input)
+        # A glob that matches a second drive must not have it replaced.
+        check_output(options.output, options.input, ".bag", "OUT.bag")
         _bag_writer()  # complain before the work, not after it
 
     recording = load_recording(options, vars(make_parser().parse_args(["--", options.input])))

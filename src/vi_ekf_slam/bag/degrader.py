@@ -8,6 +8,7 @@ from vi_ekf_slam.bag import converter
 from vi_ekf_slam.bag.converter import DEFAULT_GYRO_SIGMA, DEFAULT_VELOCITY_SIGMA
 from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
+from vi_ekf_slam.common.output_file import check_output
 from vi_ekf_slam.dataset import degradation
 from vi_ekf_slam.dataset.as_recording import as_recording
 from vi_ekf_slam.dataset.loader import load_dataset
@@ -98,7 +99,7 @@ def check(options):
             raise InputError("%s is %g, allowed: from 0 to below 1" % (name, value))
     if options.seed < 0:
         raise InputError("--seed is %d, allowed: at least 0" % options.seed)
-    converter.check_bag_output(options.output, options.input)
+    check_output(options.output, options.input, ".bag", "OUT.bag")
 
 
 def write(options, drive=None):

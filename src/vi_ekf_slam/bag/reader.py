@@ -1,5 +1,7 @@
 """What an evaluation needs from a bag: frame stamps, the extrinsic and the recorded ground truth."""
 
+from collections import namedtuple
+
 import genpy
 import numpy as np
 
@@ -13,14 +15,9 @@ from vi_ekf_slam.bag.transforms import chain, matrix_of, root
 # A driver may publish camera_info but once.
 FRAMES, CAMERA = ("features", "left_image", "left_info"), ("features", "left_info", "left_image")
 
-
-class Reference:
-    """frame_stamps (T,) s of the features, or of the left pictures where there are none; cam_T_imu 4 x 4 or None; truth: (stamps,
-    map_T_imu poses) or None; camera: name of the left camera's frame or None.
-    """
-
-    def __init__(self, frame_stamps, cam_T_imu, truth, camera=None):
-        self.frame_stamps, self.cam_T_imu, self.truth, self.camera = frame_stamps, cam_T_imu, truth, camera
+Reference = namedtuple("Reference", "frame_stamps cam_T_imu truth camera")
+Reference.__doc__ = """frame_stamps (T,) s of the features, or of the left pictures where there are none; cam_T_imu 4 x 4
+or None; truth: (stamps, map_T_imu poses) or None; camera: name of the left camera's frame or None."""
 
 
 def read_reference(path, imu=None):

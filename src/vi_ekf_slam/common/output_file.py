@@ -7,8 +7,11 @@ import secrets
 from vi_ekf_slam.common.errors import InputError
 
 
-def check_output(path, source=None):
-    """InputError unless a file can be put at `path` without harm to anything but an older file of that name."""
+def check_output(path, source=None, suffix="", name="--output"):
+    """InputError unless a file can be put at `path` without harm to anything but an older file of that name.
+
+    source: what it must not replace. suffix: what its name has to end in. name: of the argument that gives it.
+    """
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
         raise InputError("%s: the directory %s does not exist" % (path, folder))
@@ -16,6 +19,8 @@ def check_output(path, source=None):
         raise InputError("%s: is not a regular file and will not be replaced" % path)
     if source is not None and os.path.exists(path) and os.path.exists(source) and os.path.samefile(path, source):
         raise InputError("%s: is the input itself" % path)
+    if not path.lower().endswith(suffix):
+        raise InputError("%s is %s, allowed: a name that ends in %s" % (name, path, suffix))
 
 
 @contextlib.contextmanager

@@ -1,20 +1,28 @@
-"""YAML files from outside."""
+"""Text and YAML files from outside."""
 
 import yaml
 
 from vi_ekf_slam.common.errors import InputError, unreadable
 
 
+def read_text(path, encoding="utf-8"):
+    """What a text file holds; InputError names the file and why it cannot be read."""
+    try:
+        with open(path, encoding=encoding) as stream:
+            return stream.read()
+    except (OSError, UnicodeDecodeError) as reason:
+        raise unreadable(path, reason)
+
+
 def read_yaml(path):
-    """What a YAML file holds, whatever that is; InputError names the file and why it cannot be read.
+    """What a YAML file holds, whatever that is; InputError as of read_text.
 
     The first line `%YAML:1.0`, which OpenCV asks for, is no YAML and is passed over.
     """
+    text = read_text(path)
     try:
-        with open(path, encoding="utf-8") as stream:
-            text = stream.read()
-            return yaml.safe_load("#" + text if text.startswith("%YAML:") else text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as reason:
+        return yaml.safe_load("#" + text if text.startswith("%YAML:") else text)
+    except yaml.YAMLError as reason:
         raise unreadable(path, reason)
 
 

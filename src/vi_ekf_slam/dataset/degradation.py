@@ -15,11 +15,7 @@ from vi_ekf_slam.dataset.loader import Dataset
 
 def frames_of(dataset, ids):
     """The features of a dataset with the ids of stale.assign_ids."""
-    frames = []
-    for k in range(dataset.frames):
-        rows = np.flatnonzero(dataset.seen[:, k])
-        frames.append((ids[rows, k], dataset.features[:, rows, k]))
-    return frames
+    return [(ids[seen, k], dataset.features[:, seen, k]) for k, seen in enumerate(dataset.seen.T)]
 
 
 def pack(dataset, frames):
@@ -82,8 +78,7 @@ def good_twist(dataset, truth, velocity_sigma, gyro_sigma, seed):
     for k in range(len(stamps)):
         before, after = max(k - 1, 0), min(k + 1, last)
         twist[:, k] = se3_log(inverse(poses[before]) @ poses[after]) / (stamps[after] - stamps[before])
-    noise = random.normal(size=twist.shape) * np.repeat([velocity_sigma, gyro_sigma], 3)[:, None]
-    twist += noise
+    twist += random.normal(size=twist.shape) * np.repeat([velocity_sigma, gyro_sigma], 3)[:, None]
     return Dataset(**{**vars(dataset), "linear_velocity": twist[:3], "angular_velocity": twist[3:]})
 
 

@@ -12,6 +12,7 @@
 """
 
 import os
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -30,7 +31,7 @@ GYRO_KEYS = ("rotational_velocity", "angular_velocity")
 EXTRINSIC_KEYS = ("cam_T_imu", "imu_T_cam")
 
 
-class Dataset:
+class Dataset(SimpleNamespace):
     """A checked drive. Attributes that features alone need are None when the features were left out.
 
     name: file name without folder and suffix.
@@ -40,9 +41,6 @@ class Dataset:
     intrinsics: 3 x 3 px or None.      baseline: m or None.
     cam_T_imu: 4 x 4 or None, as read. extrinsic_key, extrinsic_repaired: where it came from, and how it was read.
     """
-
-    def __init__(self, **fields):
-        self.__dict__.update(fields)
 
     @property
     def frames(self):

@@ -112,9 +112,7 @@ def zoom_limits(words, maps, selected, limits):
 
 def compare_maps(options):
     """Do what the parsed options ask; InputError when something is refused."""
-    if not options.output.lower().endswith(".png"):
-        raise InputError("--output is %s, allowed: a name that ends in .png" % options.output)
-    check_output(options.output)
+    check_output(options.output, suffix=".png")
     names = options.names or [os.path.basename(os.path.abspath(run)) for run in options.runs]
     if len(names) != len(options.runs):
         raise InputError("--names has %d names for %d runs, allowed: one each" % (len(names), len(options.runs)))

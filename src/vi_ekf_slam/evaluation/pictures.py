@@ -26,7 +26,7 @@ def pictures_of_run(result):
     if subject.truth is not None and not positions_only:
         truth = truth_line(subject.truth[0], anchor_truth(subject.truth, subject.stamps, subject.poses, subject.gauge))
     if result.slam:
-        panels = list(zip(panel_titles(result.slam, result.dead_reckoning), _alignments(subject, slam, dead, truth)))
+        panels = list(zip(panel_titles(result.slam, result.dead_reckoning), _alignments(subject, truth)))
         yield ("trajectory", top_view.draw_alignments("%s, seen from above" % name, panels[1:] if positions_only else panels))
     else:
         yield ("trajectory", top_view.draw_run(name, slam, dead, truth, (), ()))
@@ -48,20 +48,17 @@ def pictures_of_run(result):
             "%s: drift of the %s from a common start" % (name, result.slam.body), lines))
 
 
-def _alignments(subject, slam, dead, truth):
-    """Lines of top_view.draw_alignments: from a common start (slam, dead, truth: (N, 3) m, dead may be None), aligned."""
+def _alignments(subject, truth):
+    """Lines of top_view.draw_alignments: from a common start, in which the truth is `truth` (N, 3) m, and aligned."""
     from vi_ekf_slam.evaluation import top_view
-    started, aligned = [("truth", truth, top_view.TRUTH_STYLE)], [("truth", truth_line(*subject.truth), top_view.TRUTH_STYLE)]
-    if dead is not None:
-        started.append(("dead reckoning", dead, top_view.DEAD_RECKONING_STYLE))
-        aligned.append(("dead reckoning", align(subject.dead_reckoning, subject.truth), top_view.DEAD_RECKONING_STYLE))
-    started.append(("SLAM", slam, top_view.SLAM_STYLE))
-    aligned.append(("SLAM", align((subject.stamps, subject.poses), subject.truth), top_view.SLAM_STYLE))
-    smoothed = subject.run.smoothed if subject.run else None
-    if smoothed:
-        started.append(("smoothed", smoothed[1][:, :3, 3], top_view.SMOOTHED_STYLE))
-        aligned.append(("smoothed", align(smoothed, subject.truth), top_view.SMOOTHED_STYLE))
-    return started, aligned
+    estimates = [("dead reckoning", subject.dead_reckoning, top_view.DEAD_RECKONING_STYLE),
+                 ("SLAM", (subject.stamps, subject.poses), top_view.SLAM_STYLE),
+                 ("smoothed", subject.run and subject.run.smoothed, top_view.SMOOTHED_STYLE)]
+    estimates = [line for line in estimates if line[1]]
+    started = [(label, poses[:, :3, 3], style) for label, (_, poses), style in estimates]
+    aligned = [(label, align(trajectory, subject.truth), style) for label, trajectory, style in estimates]
+    return ([("truth", truth, top_view.TRUTH_STYLE)] + started,
+            [("truth", truth_line(*subject.truth), top_view.TRUTH_STYLE)] + aligned)
 
 
 def pictures_of_comparison(results):

@@ -31,7 +31,6 @@ LEAST_MATCHED = 0.95  # of the poses, or of the time; where less has truth besid
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="evaluate.py",
         description="Judge runs of run_bag, or trajectory files, against the truth: a table, evaluation.json and "

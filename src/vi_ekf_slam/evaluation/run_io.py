@@ -1,6 +1,7 @@
 """Read the directory that run_bag writes: trajectories, covariances, frame reports, landmark map and summary."""
 
 import os
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,31 +18,20 @@ AT_ONCE = 0.5  # s: frames come faster, and shorter gaps end no start
 COVARIANCE_COLUMNS = ["xyzabc"[row] + "xyzabc"[column] for row in range(6) for column in range(row, 6)]
 
 
-class Run:
+class Run(SimpleNamespace):
     """One run. Frames: world is the estimator's fixed frame, imu its body.
 
-    folder: the directory.             summary: dict of summary.yaml, empty when there is none.
+    summary: dict of summary.yaml, empty when there is none.
     stamps (N,) s, poses (N, 4, 4): world_T_imu, one per feature frame.
     dead_stamps (D,), dead_poses (D, 4, 4): the same by dead reckoning alone.
     smoothed: (stamps, poses), the trajectory as it is known at the end, where that is another one, else None.
     landmarks (L, 3) m, landmark_covariances (L, 3, 3) m^2, both in the world frame.
     """
 
-    def __init__(self, folder, trajectory, dead_reckoning, landmarks, summary, smoothed=None):
-        self.folder = folder
-        self.stamps, self.poses = trajectory
-        self.dead_stamps, self.dead_poses = dead_reckoning
-        self.landmarks, self.landmark_covariances = landmarks
-        self.summary = summary
-        self.smoothed = smoothed
-
     def horizontal_deviations(self):
         """Per landmark the standard deviation in m along the worst horizontal direction; nan for a bad covariance."""
-        block = self.landmark_covariances[:, :2, :2]
-        mean = 0.5 * (block[:, 0, 0] + block[:, 1, 1])
-        radius = np.hypot(0.5 * (block[:, 0, 0] - block[:, 1, 1]), block[:, 0, 1])
         with np.errstate(invalid="ignore"):
-            return np.sqrt(mean + radius)  # larger eigenvalue of a symmetric 2 x 2 matrix
+            return np.sqrt(np.linalg.eigvalsh(self.landmark_covariances[:, :2, :2])[:, 1])
 
 
 def read_run(folder, dead_reckoning_folder=None):
@@ -53,14 +43,12 @@ def read_run(folder, dead_reckoning_folder=None):
         if not os.path.isdir(directory):
             raise InputError("%s: is not a directory, allowed: one that run_bag wrote" % directory)
     trajectory = read_tum(os.path.join(folder, "trajectory.tum"))
+    dead_stamps, dead_poses = read_tum(os.path.join(dead_reckoning_folder or folder, "dead_reckoning.tum"))
+    landmarks, landmark_covariances = read_landmarks(os.path.join(folder, "landmarks.csv"))
     return Run(
-        folder,
-        trajectory,
-        read_tum(os.path.join(dead_reckoning_folder or folder, "dead_reckoning.tum")),
-        read_landmarks(os.path.join(folder, "landmarks.csv")),
-        read_summary(os.path.join(folder, "summary.yaml")),
-        _read_smoothed(os.path.join(folder, "trajectory_smoothed.tum"), trajectory),
-    )
+        stamps=trajectory[0], poses=trajectory[1], dead_stamps=dead_stamps, dead_poses=dead_poses, landmarks=landmarks,
+        landmark_covariances=landmark_covariances, summary=read_summary(os.path.join(folder, "summary.yaml")),
+        smoothed=_read_smoothed(os.path.join(folder, "trajectory_smoothed.tum"), trajectory))
 
 
 def _read_smoothed(path, trajectory):

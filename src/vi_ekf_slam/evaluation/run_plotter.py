@@ -15,7 +15,6 @@ from vi_ekf_slam.evaluation.run_io import read_run
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="plot.py run",
         description="Draw a run of run_bag from above and, where the truth is known, print its errors (ATE; KITTI's "
@@ -69,13 +68,12 @@ def plot_run(options):
 
 def _outputs(options):
     png = options.output or os.path.join(options.run, "run.png")
-    stem, suffix = os.path.splitext(png)
-    if suffix.lower() != ".png":
-        raise InputError("--output is %s, allowed: a name that ends in .png" % png)
-    outputs = [(png, "png")] + ([(stem + ".svg", "svg")] if options.svg else [])
-    for path, _ in outputs:
-        check_output(path)
-    return outputs
+    check_output(png, suffix=".png")
+    if not options.svg:
+        return [(png, "png")]
+    svg = os.path.splitext(png)[0] + ".svg"
+    check_output(svg)
+    return [(png, "png"), (svg, "svg")]
 
 
 def _name(options):

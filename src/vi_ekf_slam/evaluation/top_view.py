@@ -129,9 +129,7 @@ def enlargement(deviations, cell):
 
 def tight_box(figure):
     """The part of the figure (matplotlib's Bbox, inches) that keeps every label inside; whoever saves it twice works it out once."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return figure.get_tightbbox(canvas.get_renderer()).padded(matplotlib.rcParams["savefig.pad_inches"])
+    return figure.get_tightbbox(FigureCanvasAgg(figure).get_renderer()).padded(matplotlib.rcParams["savefig.pad_inches"])
 
 
 def save(figure, stream, kind, dpi="figure", box="tight"):

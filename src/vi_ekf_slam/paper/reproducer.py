@@ -11,11 +11,12 @@ import yaml
 from tqdm import tqdm
 
 from vi_ekf_slam.bag import converter
-from vi_ekf_slam.common.errors import InputError, unreadable
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, make_directory, replacing, write_text
 from vi_ekf_slam.common.package_files import package_file
 from vi_ekf_slam.common.stop_signals import signals_unwind
+from vi_ekf_slam.common.yaml_file import read_text, read_yaml
 from vi_ekf_slam.evaluation.against_truth import describe
 from vi_ekf_slam.evaluation.offline_run import run_bag
 from vi_ekf_slam.evaluation.report import DEFINITIONS, to_data
@@ -30,7 +31,6 @@ PICTURE_TYPES = ("png", "svg")
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="reproduce_paper.py",
         description="Make figures 1 to 9 of the paper (dead reckoning, visual map and SLAM for the drives %s), with "
@@ -57,22 +57,14 @@ def find_drives(data):
 
 def make_configurations(ours):
     """{name: text} of the configurations that METHODS name. ours: path of our filter's."""
-    paper = yaml.safe_load(_read(package_file("config", "paper.yaml")))
-    texts = {"ours": _read(ours)}
+    paper = read_yaml(package_file("config", "paper.yaml"))
+    texts = {"ours": read_text(ours)}
     for method in METHODS.values():
         if method.mode is not None:
             paper["paper"]["mode"] = method.mode
             texts[method.config] = "# config/paper.yaml with the mode %s\n%s" % (
                 method.mode, yaml.safe_dump(paper, sort_keys=False, default_flow_style=False))
     return texts
-
-
-def _read(path):
-    try:
-        with open(path, encoding="utf-8") as stream:
-            return stream.read()
-    except (OSError, UnicodeDecodeError) as reason:
-        raise unreadable(path, reason)
 
 
 def truth_of(data, drive):

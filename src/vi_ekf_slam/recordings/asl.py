@@ -144,6 +144,5 @@ def _truth(folder, base, recording, body_T_imu, options, faults):
             found = stamps, world_T_body @ body_T_imu
         else:
             found = truth_poses.file_truth(source, "imu", *where)
-    truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]))
-    truth_poses.require_meeting(truth, options.truth)
+    truth = truth_poses.within(*found, recording.start, max(frames[-1], recording.imu.stamps[-1]), options.truth)
     return (truth, source) if truth is not None else (None, "none (%s is of another time)" % source)

@@ -2,18 +2,16 @@
 
 import numpy as np
 
-from vi_ekf_slam.common.errors import InputError, unreadable
+from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.yaml_file import read_text
 from vi_ekf_slam.recordings.recording import increasing_rows
 
 
 def read_rows(path):
     """Lists of words of all lines but empty ones and those that begin with #, with their numbers: [(number, words)]."""
-    try:
-        with open(path, encoding="utf-8") as stream:
-            rows = [(number, [word.strip() for word in line.split(",")]) for number, line in enumerate(stream, start=1)
-                    if line.strip() and not line.lstrip().startswith("#")]
-    except (OSError, UnicodeDecodeError) as reason:
-        raise unreadable(path, reason)
+    rows = [(number, [word.strip() for word in line.split(",")])
+            for number, line in enumerate(read_text(path).split("\n"), start=1)
+            if line.strip() and not line.lstrip().startswith("#")]
     if not rows:
         raise InputError("%s: holds no line of data" % path)
     return rows

@@ -13,7 +13,8 @@ FOLDER_OPTIONS = ("truth", "truth_body", "calibration", "skip_bad")
 FORMATS = {
     "an .npz with a velocity": (None, ("truth", "truth_body", "without_features", "keep_stale", "extrinsic", "velocity_sigma",
                                        "gyro_sigma", "velocity_bias_sigma", "gyro_bias_sigma")),
-    "an .npz with an accelerometer": (inertial_npz.load, ()),
+    "an .npz with an accelerometer":
+        (lambda path, options: inertial_npz.load_inertial_npz(path, options.max_memory_mb), ()),
     "a folder of EuRoC or TUM-VI": (asl.load_asl, FOLDER_OPTIONS),
     "a raw drive of KITTI": (kitti.load_kitti_raw, FOLDER_OPTIONS + ("velocity", "velocity_sigma")),
     "a sequence of KITTI's odometry": (kitti.load_kitti_odometry, FOLDER_OPTIONS),

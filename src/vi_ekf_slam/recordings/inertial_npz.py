@@ -37,11 +37,6 @@ WEIGHTS = np.array([2.0, 1.0, 2.0, 1.0]) / 6.0  # of the variances of uL, vL, uR
 MAX_ID = 2.0**53  # arrays are read as float64, in which ids from there on are no longer told apart
 
 
-def load(path, options):
-    """load_inertial_npz with the converter's options."""
-    return load_inertial_npz(path, options.max_memory_mb)
-
-
 def load_inertial_npz(path, max_memory_mb):
     """Read and check `path`; returns a Recording. InputError names the file, the key, the value and what is allowed."""
     with NpzReader(path, max_memory_mb) as reader:

@@ -45,8 +45,7 @@ def load_kitti_raw(folder, options):
     else:
         found = stamps, oxts_poses(oxts)
         recording.notes.append("truth from: oxts (GPS and INS, by the Mercator projection)")
-    recording.truth = truth_poses.within(*found, recording.start, max(frames[-1], stamps[-1]))
-    truth_poses.require_meeting(recording.truth, options.truth)
+    recording.truth = truth_poses.within(*found, recording.start, max(frames[-1], stamps[-1]), options.truth)
     recording.notes += faults.notes()
     return recording
 
@@ -87,8 +86,7 @@ def load_kitti_odometry(folder, options):
     path = options.truth or next(filter(os.path.exists, beside), None)
     if path:
         found = truth_poses.file_truth(path, options.truth_body, rows, recording.imu_T_left, np.eye(3), faults)
-        recording.truth = truth_poses.within(*found, recording.start, int(images.stamps[-1]))
-        truth_poses.require_meeting(recording.truth, options.truth)
+        recording.truth = truth_poses.within(*found, recording.start, int(images.stamps[-1]), options.truth)
         recording.notes.append("truth from: %s, upwards where the first picture has it" % path)
     recording.notes += faults.notes()
     return recording

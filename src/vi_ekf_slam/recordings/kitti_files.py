@@ -6,8 +6,9 @@ import os
 import numpy as np
 
 from vi_ekf_slam.common import checks
-from vi_ekf_slam.common.errors import InputError, unreadable
+from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.geometry import make_transform, nearest_rotation, rotation_error
+from vi_ekf_slam.common.yaml_file import read_text
 from vi_ekf_slam.dataset.pose_files import ROTATION_TOLERANCE
 from vi_ekf_slam.recordings.recording import increasing_rows
 
@@ -18,11 +19,7 @@ EPOCH = datetime.datetime(1970, 1, 1)
 
 def read_lines(path):
     """Lines of a text file without those that are empty."""
-    try:
-        with open(path, encoding="ascii") as stream:
-            lines = [line.strip() for line in stream if line.strip()]
-    except (OSError, UnicodeDecodeError) as reason:
-        raise unreadable(path, reason)
+    lines = [line.strip() for line in read_text(path, "ascii").split("\n") if line.strip()]
     if not lines:
         raise InputError("%s: is empty" % path)
     return lines

@@ -10,10 +10,15 @@ from vi_ekf_slam.evaluation.gauge import frame_change
 from vi_ekf_slam.recordings.csv_table import read_table
 
 
-def within(stamps, poses, start, end):
-    """(stamps, map_T_imu) of world_T_imu poses from `start` to `end` ns; None when there is none."""
+def within(stamps, poses, start, end, path):
+    """(stamps, map_T_imu) of world_T_imu poses from `start` to `end` ns; None when there is none.
+
+    path: of the file where the user gave one, which is refused then; else None.
+    """
     inside = (stamps >= start) & (stamps <= end)
     if not inside.any():
+        if path:
+            raise InputError("%s: none of its stamps is within the drive's time" % path)
         return None
     stamps, poses = stamps[inside], poses[inside]
     return stamps, frame_change(np.eye(4), poses[0], "yaw") @ poses
@@ -52,9 +57,3 @@ def file_truth(path, body, frame_stamps, imu_T_cam, upright, faults):
     if is_kitti:
         poses = make_transform(upright, np.zeros(3)) @ inverse(poses[0]) @ poses
     return stamps, poses
-
-
-def require_meeting(truth, path):
-    """InputError where a file was given of which nothing is of the drive's time."""
-    if path and truth is None:
-        raise InputError("%s: none of its stamps is within the drive's time" % path)

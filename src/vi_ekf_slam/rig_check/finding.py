@@ -44,6 +44,10 @@ class Report:
         self.findings.append(Finding(RED, self._check, text, figure, limit, advice))
         self._red.setdefault(self._check, text)
 
+    def complain(self, is_red, text, figure, limit, advice):
+        """Red where `is_red`, else yellow."""
+        (self.red if is_red else self.yellow)(text, figure, limit, advice)
+
     def unjudged(self, reason):
         """The data do not tell."""
         self.findings.append(Finding(UNJUDGED, self._check, "not judged", "", "", reason))

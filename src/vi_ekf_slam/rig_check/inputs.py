@@ -56,31 +56,31 @@ def check_numbers(rig, report):
     has_features = any(len(ids) for ids, _ in rig.frames)
     if has_features:
         parts.append(("features", "a pixel", np.concatenate([pixels for _, pixels in rig.frames]), 1e5, "px"))
-    bad_any = False
+    before = len(report.findings)
     for name, field, values, limit, unit in parts:
         bad = ~np.isfinite(values).all(axis=1)
         where = "%s of %s" % (field, rig.topics[name])
         if bad.any():
-            bad_any = True
-            say = report.red if bad.mean() > 0.01 else report.yellow
-            say("%s is NaN or infinite" % where, "%d of %d (%.3g %%)" % (bad.sum(), len(bad), 100.0 * bad.mean()), "none",
-                "such messages are dropped: see why the driver sends them")
+            report.complain(bad.mean() > 0.01, "%s is NaN or infinite" % where,
+                            "%d of %d (%.3g %%)" % (bad.sum(), len(bad), 100.0 * bad.mean()), "none",
+                            "such messages are dropped: see why the driver sends them")
         beyond = np.abs(np.where(np.isfinite(values), values, 0.0)).max(axis=1, initial=0.0) > limit
         if beyond.mean() > 0.01:
-            bad_any = True
             largest = np.abs(values[np.isfinite(values).all(axis=1)]).max()
             is_in_degrees = field == "angular_velocity" and largest <= DEGREES * limit
             report.red("the gyro is in deg/s" if is_in_degrees else "%s is beyond what any sensor says" % where,
                        "up to %.4g %s" % (largest, unit), "%g %s" % (limit, unit),
                        "it must be in rad/s: multiply by pi / 180" if is_in_degrees else
                        "see which unit the driver uses; SI units are required")
-    if not (has_features and _check_features(rig, report)) and not bad_any:
+    if has_features:
+        _check_features(rig, report)
+    if len(report.findings) == before:
         report.green("all numbers are finite and possible")
 
 
 def _check_features(rig, report):
-    """Whether something is wrong with what features state: ids that one frame has twice, sigma."""
-    found, topic, sigmas = False, rig.topics["features"], np.concatenate(rig.feature_sigmas)
+    """What features state: ids that one frame has twice, sigma."""
+    topic, sigmas = rig.topics["features"], np.concatenate(rig.feature_sigmas)
     lost = ~(sigmas >= 0.0) | np.isinf(sigmas)
     beyond = ~lost & (sigmas > MAX_SIGMA)
     repeated = np.array([len(ids) - len(np.unique(ids)) for ids, _ in rig.frames])
@@ -94,6 +94,4 @@ def _check_features(rig, report):
                 repeated.sum(), (repeated > 0).sum(), len(repeated)), "none",
              "of points with one id all but the first are dropped: give each point an id of its own")):
         if bad.any():
-            found = True
-            (report.red if bad.mean() > 0.01 else report.yellow)(text, figure, limit, advice)
-    return found
+            report.complain(bad.mean() > 0.01, text, figure, limit, advice)

@@ -54,8 +54,8 @@ def check_load(rig, report):
     figure = "%.0f %% of a core for %.0f tracks at %.3g Hz (%.2f s of CPU for %.1f s)" % (100.0 * load, tracks, rate, spent, span)
     limit = "%.0f %%" % (100.0 * YELLOW)
     if load > YELLOW:
-        (report.red if load > RED else report.yellow)("the load on this machine is high", figure, limit,
-                                                      "fewer tracks (front_end/features, invariant/max_tracked), a lower rate of frames")
+        report.complain(load > RED, "the load on this machine is high", figure, limit,
+                        "fewer tracks (front_end/features, invariant/max_tracked), a lower rate of frames")
     else:
         report.green("the load on this machine", figure, limit)
 

@@ -27,10 +27,10 @@ def check_gyro(rig, report):
     rig.motion = estimate_motion(rig)
     if rig.motion is None or len(rig.motion.begin) < align.LEAST_STEPS:
         seen = 0 if rig.motion is None else len(rig.motion.begin)
-        say = report.red if rig.cameras is not None and rig.frame_name and len(rig.streams[rig.frame_name].stamps) > 40 else None
-        if say:
-            say("the camera's motion cannot be told", "%d steps between two frames" % seen, "%d" % align.LEAST_STEPS,
-                "too few points are tracked: see texture and exposure, and do the ids of features last?")
+        if rig.cameras is not None and rig.frame_name and len(rig.streams[rig.frame_name].stamps) > 40:
+            report.red("the camera's motion cannot be told", "%d steps between two frames" % seen,
+                       "%d" % align.LEAST_STEPS,
+                       "too few points are tracked: see texture and exposure, and do the ids of features last?")
         else:
             report.unjudged("the camera's motion is not known: %d steps between two frames, %d are needed" % (seen, align.LEAST_STEPS))
         return
@@ -54,9 +54,9 @@ def check_gyro(rig, report):
     elif low > SCALE_LIMITS[1] >= low - unsure or high < SCALE_LIMITS[0] <= high + unsure:
         report.unjudged("%s, +- %.2g: turn the rig faster" % (figure, unsure))
     elif low > SCALE_LIMITS[1] or high < SCALE_LIMITS[0]:
-        say = report.red if low - unsure > UNIT_TOLERANCE or high + unsure < 1.0 / UNIT_TOLERANCE else report.yellow
-        say("gyro and camera differ in how fast they turn", figure, limit, "is the focal length in camera_info that of this resolution? "
-            "is the gyro's scale right?")
+        report.complain(low - unsure > UNIT_TOLERANCE or high + unsure < 1.0 / UNIT_TOLERANCE,
+                        "gyro and camera differ in how fast they turn", figure, limit,
+                        "is the focal length in camera_info that of this resolution? is the gyro's scale right?")
     else:
         report.green("gyro and camera turn equally fast", figure, limit)
 
@@ -131,9 +131,9 @@ def check_rotation(rig, report):
     command = "rosrun tf2_ros static_transform_publisher X Y Z %.4f %.4f %.4f %.4f %s %s" % (
         tuple(rotation_to_quaternion(imu_R_left)) + (rig.streams["imu"].frame_id, rig.infos["left"].header.frame_id.lstrip("/")))
     reason = align.explain(a, stated, ANGLE_RED) if found.angle > 3.0 * ANGLE_RED else ""
-    say = report.red if found.sure > ANGLE_RED else report.yellow
-    say("imu -> camera is off by %.3g deg%s" % (angle, ": " + reason if reason else ""), figure, limit,
-        "the rotation was measured: %s (X Y Z: where the camera is on the IMU, m)" % command)
+    report.complain(found.sure > ANGLE_RED,
+                    "imu -> camera is off by %.3g deg%s" % (angle, ": " + reason if reason else ""), figure, limit,
+                    "the rotation was measured: %s (X Y Z: where the camera is on the IMU, m)" % command)
 
 
 def check_offset(rig, report):
@@ -159,8 +159,8 @@ def check_offset(rig, report):
     if abs(a.offset) > 0.98 * align.MAX_OFFSET:
         report.red("the clocks of camera and IMU do not agree", "by more than %g s" % align.MAX_OFFSET, limit, "see how both are stamped")
         return
-    say = report.red if pixels > PIXELS_RED else report.yellow
-    say("the camera's stamps are %.0f ms %s" % (1e3 * abs(a.offset), "late" if a.offset < 0.0 else "early"), figure, limit,
+    report.complain(pixels > PIXELS_RED, "the camera's stamps are %.0f ms %s" % (
+        1e3 * abs(a.offset), "late" if a.offset < 0.0 else "early"), figure, limit,
         "calibration/time_offset: %.4f, with time_offset_sigma: %.4f; better: stamp at the middle of the exposure" % (
             a.offset, max(0.002, 3.0 * a.offset_sigma)))
 

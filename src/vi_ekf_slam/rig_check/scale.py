@@ -57,8 +57,9 @@ def _by_velocity(rig, report):
     spread = 1.48 * np.median(np.abs(ratios - ratio)) * np.sqrt(SAME / fast.sum())
     off = _direction(seen[fast], told[fast] @ C.T)
     if off > DIRECTION_YELLOW:
-        say = report.red if off > DIRECTION_RED else report.yellow
-        say("the camera does not travel where the velocity points", "%.1f deg off" % off, "%g deg" % DIRECTION_YELLOW,
+        report.complain(
+            off > DIRECTION_RED, "the camera does not travel where the velocity points", "%.1f deg off" % off,
+            "%g deg" % DIRECTION_YELLOW,
             "is the velocity backwards, or of another frame than its %s ('%s') says? or is the camera's transform wrong?" % (
                 "child_frame_id" if rig.velocity_name == "wheel_odometry" else "frame_id", stream.frame_id))
         return
@@ -76,8 +77,8 @@ def _say_scale(report, ratio, sigma, source, other):
     if error < max(YELLOW, noise):
         report.green("the baseline's scale", figure, "1 +- %g" % YELLOW)
         return
-    (report.red if error > max(RED, noise) else report.yellow)(
-        "the scale of the baseline does not fit %s" % source, figure, "1 +- %g" % YELLOW,
+    report.complain(
+        error > max(RED, noise), "the scale of the baseline does not fit %s" % source, figure, "1 +- %g" % YELLOW,
         "right P[3] = -fx * baseline in m: the baseline would be %.3f of what is stated; or %s is wrong" % (1.0 / ratio, other))
 
 

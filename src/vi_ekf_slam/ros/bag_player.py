@@ -209,7 +209,6 @@ def play():
 
 
 def main():
-    """Entry point."""
     take_ros_arguments(__doc__)
     rospy.init_node("play_bag")
     try:

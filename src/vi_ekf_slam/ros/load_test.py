@@ -10,17 +10,19 @@ import tempfile
 import time
 
 import numpy as np
-import yaml
 
 from vi_ekf_slam.common import checks
 from vi_ekf_slam.common.errors import InputError
+from vi_ekf_slam.common.geometry import BODY_R_OPTICAL, make_transform
 from vi_ekf_slam.common.package_files import package_file, package_program
 from vi_ekf_slam.common.stop_signals import end_if_told, signals_unwind
+from vi_ekf_slam.common.yaml_file import read_yaml
+from vi_ekf_slam.recordings.recording import rectified_pair
 from vi_ekf_slam.ros.private_ros import FOREIGN, child, ros_master, set_parameter
 
 SPEED, YAW_RATE = 8.0, 0.1  # m/s, rad/s
 FX, CX, CY, BASELINE, WIDTH, HEIGHT = 700.0, 620.0, 190.0, 0.54, 1240, 380
-IMU, LEFT, RIGHT = "load_imu", "load_left_optical", "load_right_optical"
+GYRO_SIGMA, VELOCITY_SIGMA = 0.01, 0.1  # rad/s, m/s
 VELOCITY_HZ = 100.0
 PIXEL_SIGMA = 0.5  # px
 START_LIMIT_S, END_LIMIT_S = 20.0, 30.0
@@ -31,8 +33,8 @@ DROPS = ("late", "duplicate", "stamp_ahead", "stamp_behind", "invalid")
 class Street:
     """Points beside a circle that the car follows, and what a stereo camera at the IMU sees of them."""
 
-    def __init__(self, features, seed=1):
-        rng = np.random.default_rng(seed)
+    def __init__(self, features):
+        rng = np.random.default_rng(1)
         radius = SPEED / YAW_RATE
         count = 60 * features
         angle = rng.uniform(0.0, 2.0 * math.pi, count)
@@ -65,8 +67,9 @@ class Traffic:
         from nav_msgs.msg import Odometry
         from sensor_msgs.msg import CameraInfo, Imu
         from tf2_msgs.msg import TFMessage
+        from vi_ekf_slam.bag import messages
         from vi_ekf_slam.msg import StereoFeatureArray
-        self.rospy, self.options = rospy, options
+        self.rospy, self.make, self.options = rospy, messages, options
         rospy.init_node("load_test", anonymous=True, disable_signals=True)
         self.street = Street(options.features)
         self.sent_at, self.frame_stamps, self.latency = {}, set(), {}
@@ -94,19 +97,11 @@ class Traffic:
 
     def calibrate(self):
         """The camera: at the IMU, looking along its x axis."""
-        from geometry_msgs.msg import TransformStamped
-        from sensor_msgs.msg import CameraInfo
-        from tf2_msgs.msg import TFMessage
-        transform = TransformStamped()
-        transform.header.frame_id, transform.child_frame_id = IMU, LEFT
-        rotation = transform.transform.rotation
-        rotation.x, rotation.y, rotation.z, rotation.w = -0.5, 0.5, -0.5, 0.5
-        self.static.publish(TFMessage([transform]))
-        for right, info in enumerate(self.infos):
-            message = CameraInfo(width=WIDTH, height=HEIGHT)
-            message.header.frame_id = RIGHT if right else LEFT
-            message.P = [FX, 0, CX, -FX * BASELINE if right else 0, 0, FX, CY, 0, 0, 0, 1, 0]
-            info.publish(message)
+        now, intrinsics = self.rospy.Time.now(), np.array([[FX, 0.0, CX], [0.0, FX, CY], [0.0, 0.0, 1.0]])
+        self.static.publish(self.make.rig_transforms(now, make_transform(BODY_R_OPTICAL, np.zeros(3)), None))
+        frames = self.make.LEFT_FRAME, self.make.RIGHT_FRAME
+        for info, frame, camera in zip(self.infos, frames, rectified_pair((WIDTH, HEIGHT), intrinsics, BASELINE)):
+            info.publish(self.make.camera_info(now, frame, camera))
 
     def run(self):
         """Publishes for the duration; every message leaves at the time that its stamp says."""
@@ -122,42 +117,21 @@ class Traffic:
                 time.sleep(due)
             stamp = genpy.Time.from_sec(start_wall + elapsed)
             self.sent_at[stamp.to_nsec()] = time.monotonic()
-            self.send_imu(stamp)
+            self.imu.publish(self.make.imu(stamp, (0.0, 0.0, YAW_RATE), GYRO_SIGMA**2))
+            self.sent["gyro"] += 1
             if elapsed >= next_velocity:
                 next_velocity += 1.0 / VELOCITY_HZ
-                self.send_velocity(stamp)
+                self.velocity.publish(self.make.velocity(stamp, (SPEED, 0.0, 0.0), VELOCITY_SIGMA))
+                self.sent["velocity"] += 1
             if elapsed >= next_frame:
                 next_frame += 1.0 / self.options.frame_rate
                 self.send_frame(stamp, elapsed)
         return time.monotonic() - start
 
-    def send_imu(self, stamp):
-        """Gyro sample."""
-        from sensor_msgs.msg import Imu
-        message = Imu()
-        message.header.stamp, message.header.frame_id = stamp, IMU
-        message.angular_velocity.z = YAW_RATE
-        message.angular_velocity_covariance = [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]
-        self.imu.publish(message)
-        self.sent["gyro"] += 1
-
-    def send_velocity(self, stamp):
-        """Velocity of the IMU."""
-        from geometry_msgs.msg import TwistWithCovarianceStamped
-        message = TwistWithCovarianceStamped()
-        message.header.stamp, message.header.frame_id = stamp, IMU
-        message.twist.twist.linear.x = SPEED
-        message.twist.covariance = [0.01 if i in (0, 7, 14) else 0.0 for i in range(36)]
-        self.velocity.publish(message)
-        self.sent["velocity"] += 1
-
     def send_frame(self, stamp, elapsed):
         """What the camera sees."""
-        from vi_ekf_slam.msg import StereoFeature, StereoFeatureArray
-        message = StereoFeatureArray()
-        message.header.stamp, message.header.frame_id = stamp, LEFT
         ids, pixels = self.street.observe(elapsed)
-        message.features = [StereoFeature(i, *z, 0.0, 0.0, b"") for i, z in zip(ids.tolist(), pixels.tolist())]
+        message = self.make.stereo_features(stamp, ids, pixels.tolist(), np.zeros(len(ids)))
         self.sent_at[stamp.to_nsec()] = time.monotonic()
         self.frames.publish(message)
         self.frame_stamps.add(stamp.to_nsec())
@@ -176,8 +150,8 @@ def _wait(condition, limit, what):
 def measure(options, folder):
     """(Traffic after its run, summary.yaml of the node as a dict, s that the run took)."""
     output = os.path.join(folder, "run")
-    with ros_master(folder) as environment, open(options.config, encoding="utf-8") as stream:
-        for name, value in (yaml.safe_load(stream) or {}).items():
+    with ros_master(folder) as environment:
+        for name, value in (read_yaml(options.config) or {}).items():
             set_parameter(environment, "/slam/" + name, value)
         set_parameter(environment, "/slam/output_dir", output)
         for name in FOREIGN:  # rospy, in this process, takes the namespace of whoever calls
@@ -196,8 +170,7 @@ def measure(options, folder):
             except subprocess.TimeoutExpired as error:
                 raise InputError("the node does not end on SIGINT") from error
         traffic.rospy.signal_shutdown("done")
-    with open(os.path.join(output, "summary.yaml"), encoding="utf-8") as stream:
-        return traffic, yaml.safe_load(stream), took
+    return traffic, read_yaml(os.path.join(output, "summary.yaml")), took
 
 
 def account(sent, summary):

@@ -1,6 +1,7 @@
 """rviz configurations as YAML: the shipped one, which of its entries hold frames and topics, and how to change them."""
 
 import math
+from collections import namedtuple
 
 import yaml
 
@@ -34,11 +35,8 @@ POINT_PX = 3
 FRAMES = {"map_frame": "map", "odom_frame": "odom", "imu_frame": "imu_link"}
 
 
-class TopicDisplay:
-    """A display that is switched on and listens: its name, its topic, the topic's type."""
-
-    def __init__(self, name, topic, kind):
-        self.name, self.topic, self.kind = name, topic, kind
+TopicDisplay = namedtuple("TopicDisplay", "name topic kind")
+TopicDisplay.__doc__ = """A display that is switched on and listens: its name, its topic, the topic's type."""
 
 
 def shipped_path():

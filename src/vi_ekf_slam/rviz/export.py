@@ -19,7 +19,6 @@ HELP = {"path": "the estimated path", "dead_reckoning": "the path of dead reckon
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="export_rviz_config.py",
         description="Write an rviz configuration for your own frames and topics. No display and no rviz is needed. "

@@ -71,8 +71,8 @@ def _header_frame(message):
     return None
 
 
-def read_graph(frames, wait_s=TF_WAIT_S):
-    """The Offer of the graph at ROS_MASTER_URI; listens to TF until all of `frames` came, `wait_s` at most."""
+def read_graph(frames):
+    """The Offer of the graph at ROS_MASTER_URI; listens to TF until all of `frames` came, TF_WAIT_S at most."""
     import rosgraph
     import rospy
     from tf2_msgs.msg import TFMessage
@@ -87,7 +87,7 @@ def read_graph(frames, wait_s=TF_WAIT_S):
         return offer
     rospy.init_node("export_rviz_config", anonymous=True, disable_signals=True, disable_rosout=True)
     listeners = [rospy.Subscriber(topic, TFMessage, offer.add_transforms, queue_size=1000) for topic in TF_TOPICS]
-    end = time.monotonic() + wait_s
+    end = time.monotonic() + TF_WAIT_S
     while not set(frames) <= offer.frames and time.monotonic() < end:
         time.sleep(0.05)
     for listener in listeners:

@@ -40,7 +40,6 @@ class RvizError(Exception):
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="render_rviz.py",
         description="Play a bag into rviz on a virtual screen and save what it shows at the end. A bag with the "
@@ -73,11 +72,9 @@ def check_options(options):
     for value, name in zip(options.size, ("WIDTH", "HEIGHT")):
         if not LIMITS[0] <= value <= LIMITS[1]:
             raise InputError("--size: %s is %d px, allowed: %d to %d" % ((name, value) + LIMITS))
-    for path, suffix in ((options.output, ".png"), (options.animation, ".gif")):
+    for path, suffix, name in ((options.output, ".png", "OUT.png"), (options.animation, ".gif", "--animation")):
         if path is not None:
-            if not path.lower().endswith(suffix):
-                raise InputError("%s: allowed: a name that ends in %s" % (path, suffix))
-            check_output(path, options.bag)
+            check_output(path, options.bag, suffix, name)
     if options.params and not os.path.isfile(options.params):
         raise InputError("%s: no such file" % options.params)
 
@@ -255,11 +252,11 @@ def _animate(paths, config, stream):
     frames[0].save(stream, format="GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
-def _last_lines(log, count=5):
+def _last_lines(log):
     log.flush()
     log.seek(0)
     lines = log.read().decode("utf-8", "replace").splitlines()
-    return " | ".join(line.strip() for line in lines[-count:]) or "it printed nothing"
+    return " | ".join(line.strip() for line in lines[-5:]) or "it printed nothing"
 
 
 def main(argv=None):

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vi_ekf_slam.common.csv_columns import read_columns
-from vi_ekf_slam.common.errors import InputError
 from vi_ekf_slam.common.exit_status import exit_status
 from vi_ekf_slam.common.output_file import check_output, replacing
 
@@ -58,9 +57,7 @@ def draw(frames, seeds, title):
 def plot_monte_carlo(options):
     """Do what the parsed options ask; InputError when something is refused."""
     output = options.output or os.path.join(options.directory, "monte_carlo.png")
-    if not output.lower().endswith(".png"):
-        raise InputError("--output is %s, allowed: a name that ends in .png" % output)
-    check_output(output)
+    check_output(output, suffix=".png")
     frames = read_columns(os.path.join(options.directory, "frames.csv"), FRAME_COLUMNS)
     seeds = read_columns(os.path.join(options.directory, "seeds.csv"), SEED_COLUMNS)
     title = options.title or "%d simulated drives; global yaw variance falls by %.2g %% at most" % (

@@ -55,20 +55,17 @@ def make_parser(program):
 
 def simulate(program, directory, options, quiet):
     """Let `program` write its arrays into `directory`. options: list of words. InputError with its complaint."""
-    process = subprocess.Popen([program, "--progress", directory] + options, stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, universal_newlines=True)
-    try:
-        with tqdm(total=100, desc="simulating", unit="%", disable=quiet or not sys.stderr.isatty()) as bar:
-            for line in process.stdout:
-                bar.update(int(line.split()[1]) - bar.n)
-        complaint = process.stderr.read().strip()
-        if process.wait() != 0:
-            raise InputError(complaint.replace(PROGRAM + ": ", "", 1) or "%s failed" % PROGRAM)
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-        process.stderr.close()
+    with subprocess.Popen([program, "--progress", directory] + options, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, universal_newlines=True) as process:
+        try:
+            with tqdm(total=100, desc="simulating", unit="%", disable=quiet or not sys.stderr.isatty()) as bar:
+                for line in process.stdout:
+                    bar.update(int(line.split()[1]) - bar.n)
+            complaint = process.stderr.read().strip()
+            if process.wait() != 0:
+                raise InputError(complaint.replace(PROGRAM + ": ", "", 1) or "%s failed" % PROGRAM)
+        finally:
+            process.kill()
 
 
 def load_arrays(directory):
@@ -139,11 +136,10 @@ def run(argv):
     program = package_program(PROGRAM)
     parser, names = make_parser(program)
     options = parser.parse_args(argv)
-    stem, suffix = os.path.splitext(options.output)
-    if suffix != ".npz":
-        raise InputError("output is '%s', allowed: a name that ends in .npz" % options.output)
+    check_output(options.output, suffix=".npz", name="OUT.npz")
+    stem = os.path.splitext(options.output)[0]
     paths = [stem + "_truth_left_camera.txt", stem + "_truth_imu.tum", options.output]
-    for path in paths:
+    for path in paths[:2]:
         check_output(path)
     chosen = []
     for name in names:

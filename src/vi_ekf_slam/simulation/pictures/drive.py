@@ -25,7 +25,6 @@ JPEG_QUALITY = 95
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="simulate_dataset.py --images",
         description="Draw a drive of stereo pictures with an IMU and write it as the folder OUT in EuRoC's layout "

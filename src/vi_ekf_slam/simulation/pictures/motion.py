@@ -28,34 +28,28 @@ class Laps:
         return x - np.sin(2.0 * np.pi * x) / (2.0 * np.pi)
 
 
-class StreetMotion:
+class StreetMotion(Laps):
     """A car on an ellipse of AXES m: x forward along the street, with some roll, pitch and heave."""
 
     AXES, HEIGHT = (45.0, 28.0), 1.2
 
-    def __init__(self, laps, duration):
-        self._laps = Laps(laps, duration)
-
     def pose(self, t):
         """World_T_imu (4 x 4)."""
-        a, share = self._laps.angle(t), self._laps.share(t)
+        a, share = self.angle(t), self.share(t)
         heading = np.arctan2(self.AXES[1] * np.cos(a), -self.AXES[0] * np.sin(a))
         sway = share * np.array([0.010 * np.sin(2.1 * t), 0.008 * np.sin(3.3 * t + 1.0), 0.0])
         position = [self.AXES[0] * np.cos(a), self.AXES[1] * np.sin(a), self.HEIGHT + 0.01 * share * np.sin(4.0 * t)]
         return make_transform(so3_exp([0, 0, heading]) @ so3_exp(sway), position)
 
 
-class RoomMotion:
+class RoomMotion(Laps):
     """A rig held in a hand, going round in a room, looking outwards and about."""
 
     AXES, HEIGHT = (1.6, 1.1), 1.4
 
-    def __init__(self, laps, duration):
-        self._laps = Laps(laps, duration)
-
     def pose(self, t):
         """World_T_imu (4 x 4)."""
-        a, share = self._laps.angle(t), self._laps.share(t)
+        a, share = self.angle(t), self.share(t)
         sway = share * np.array([0.12 * np.sin(1.9 * t), 0.15 * np.sin(1.3 * t + 1.0), 0.0])
         position = [self.AXES[0] * np.cos(a), self.AXES[1] * np.sin(a), self.HEIGHT + 0.15 * share * np.sin(1.1 * t)]
         return make_transform(so3_exp([0, 0, a + 0.25 * share * np.sin(0.8 * t)]) @ so3_exp(sway), position)

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from vi_ekf_slam.common.geometry import make_transform, so3_exp
 from vi_ekf_slam.simulation.pictures import textures
 from vi_ekf_slam.simulation.pictures.motion import RoomMotion, StreetMotion
 
@@ -174,8 +175,6 @@ class Car:
         """Its rectangles at t s."""
         a, b = StreetMotion.AXES
         angle = self._start + self._speed * t
-        heading = np.arctan2(b * np.cos(angle), -a * np.sin(angle))
-        c, s = np.cos(heading), np.sin(heading)
-        transform = np.array([[c, -s, 0, a * np.cos(angle) - self._aside * s], [s, c, 0, b * np.sin(angle) + self._aside * c],
-                              [0, 0, 1, 0], [0, 0, 0, 1]])
-        return [face.moved(transform) for face in self._faces]
+        rotation = so3_exp([0, 0, np.arctan2(b * np.cos(angle), -a * np.sin(angle))])
+        position = np.array([a * np.cos(angle), b * np.sin(angle), 0.0]) + self._aside * rotation[:, 1]
+        return [face.moved(make_transform(rotation, position)) for face in self._faces]

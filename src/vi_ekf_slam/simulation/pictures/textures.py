@@ -4,14 +4,15 @@ import cv2
 import numpy as np
 
 SIDE = 512  # px
+SCALES = (4, 16, 64, 256)  # blotches along a side
 
 
-def noise(random, scales=(4, 16, 64, 256), contrast=60.0, mean=128.0):
+def noise(random, mean, contrast=60.0):
     """SIDE x SIDE of blotches of several sizes, as floats."""
     total = np.full((SIDE, SIDE), mean, dtype=np.float32)
-    for scale in scales:
+    for scale in SCALES:
         blotches = random.normal(size=(scale, scale)).astype(np.float32)
-        total += contrast / len(scales) * cv2.resize(blotches, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
+        total += contrast / len(SCALES) * cv2.resize(blotches, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
     return total
 
 
