@@ -48,21 +48,33 @@ class Rig : public testing::Test {
   RigAssembler rig_{frames_, "/left", "/right"};
 };
 
-TEST_F(Rig, knows_no_borders_where_a_lens_shows_more_than_the_rectified_picture) {
+TEST_F(Rig, knows_no_borders_where_a_camera_shows_more_than_the_rectified_picture) {
   auto left = info(false), right = info(true);
   left.width = right.width = 640;
   left.height = right.height = 480;
   left.D = right.D = std::vector<double>(5, 0.0);
+  left.K = right.K = {500.0, 0.0, 320.0, 0.0, 510.0, 240.0, 0.0, 0.0, 1.0};
   addAll(left, right);
   ASSERT_TRUE(rig_.imageSize());
   EXPECT_EQ(640.0, rig_.imageSize()->width);
-  RigAssembler raw{frames_, "/left", "/right"};
-  raw.setImuFrame("imu_link");
-  right.D[0] = -0.2;
-  raw.addLeft(left);
-  raw.addRight(right);
-  ASSERT_TRUE(raw.rig());
-  EXPECT_FALSE(raw.imageSize());
+  const auto knowsBorders = [&](const sensor_msgs::CameraInfo& other) {
+    RigAssembler raw{frames_, "/left", "/right"};
+    raw.setImuFrame("imu_link");
+    raw.addLeft(left);
+    raw.addRight(other);
+    EXPECT_TRUE(raw.rig());
+    return raw.imageSize().has_value();
+  };
+  EXPECT_TRUE(knowsBorders(right));
+  auto bent = right, turned = right, wider = right, unknown = right;
+  bent.D[0] = -0.2;
+  turned.R = {0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0};
+  wider.K[0] = wider.K[4] = 300.0;
+  unknown.K.fill(0.0);
+  EXPECT_FALSE(knowsBorders(bent));
+  EXPECT_FALSE(knowsBorders(turned));
+  EXPECT_FALSE(knowsBorders(wider));
+  EXPECT_TRUE(knowsBorders(unknown));
 }
 
 TEST_F(Rig, names_numbers_that_no_rig_has) {

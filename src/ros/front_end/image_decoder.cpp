@@ -16,6 +16,8 @@ namespace encodings = sensor_msgs::image_encodings;
 
 namespace {
 
+constexpr const char* kYuy2 = "yuv422_yuy2"; // Y U Y V, of which cv_bridge knows nothing
+
 cv::Mat read(const sensor_msgs::CompressedImage& message, int how) {
   const cv::Mat image = message.data.empty() ? cv::Mat() : cv::imdecode(message.data, how);
   if (image.empty() || (image.depth() != CV_8U && image.depth() != CV_16U))
@@ -27,10 +29,11 @@ cv::Mat read(const sensor_msgs::CompressedImage& message, int how) {
 void requireEncoding(const std::string& encoding) {
   if (encodings::isMono(encoding) || encodings::isColor(encoding) || encodings::isBayer(encoding) ||
       encoding == encodings::TYPE_8UC1 || encoding == encodings::TYPE_16UC1 ||
-      encoding.rfind(encodings::YUV422, 0) == 0)
+      encoding == encodings::YUV422 || encoding == kYuy2)
     return;
-  throw std::runtime_error("encoding is '" + encoding +
-                           "', allowed: mono8, mono16, bgr8, rgb8 (with alpha, with 16 bit), Bayer, yuv422");
+  throw std::runtime_error(
+      "encoding is '" + encoding +
+      "', allowed: mono8, mono16, bgr8, rgb8 (with alpha, with 16 bit), Bayer, yuv422, yuv422_yuy2");
 }
 
 /// cv_bridge makes of 16 bits in the other order of bytes an image of 8 bits, twice as wide.
@@ -43,6 +46,13 @@ sensor_msgs::ImageConstPtr inOurByteOrder(const sensor_msgs::ImageConstPtr& mess
     std::swap(swapped->data[i], swapped->data[i + 1]);
   swapped->is_bigendian = kIsBigEndian;
   return swapped;
+}
+
+cv::Mat greyOfYuy2(sensor_msgs::Image message) {
+  message.encoding = encodings::TYPE_8UC2;
+  cv::Mat grey;
+  cv::extractChannel(cv_bridge::toCvCopy(message)->image, grey, 0);
+  return grey;
 }
 
 /// The grey that a raw image of this encoding gives. JPEG has 8 bits whatever it was made of.
@@ -68,6 +78,7 @@ cv::Mat ImageDecoder::toEightBits(const cv::Mat& image) {
 
 cv::Mat ImageDecoder::decode(const sensor_msgs::ImageConstPtr& sent) {
   requireEncoding(sent->encoding);
+  if (sent->encoding == kYuy2) return greyOfYuy2(*sent);
   const sensor_msgs::ImageConstPtr message = inOurByteOrder(sent);
   const std::string& encoding = message->encoding;
   const bool is_grey = encoding == encodings::MONO8 || encoding == encodings::TYPE_8UC1 ||

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <sstream>
 #include <utility>
 
@@ -21,7 +22,7 @@ constexpr double kPixelTolerance = 1e-3;
 constexpr double kMaxFocalLength = 1e6; ///< px; also of the principal point
 constexpr double kMaxBaseline = 1e3;    ///< m
 constexpr double kMaxVertical = 0.01; ///< of the baseline, by which rows would differ as a part of disparity
-constexpr double kMaxLeverArm = 1e4;    ///< m
+constexpr double kMaxLeverArm = 1e4;  ///< m
 
 /// What is wrong with one CameraInfo by itself; empty: nothing.
 std::string infoProblem(const sensor_msgs::CameraInfo& info, const std::string& topic) {
@@ -63,8 +64,10 @@ std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::
   }
   const double vertical = std::max(std::abs(left.P[7]), std::abs(right.P[7]));
   if (vertical > std::max(kPixelTolerance, kMaxVertical * std::abs(right.P[3]))) {
-    text << (vertical > std::abs(right.P[3]) ? "the cameras are one above the other, side by side is required"
-                                             : "the baseline has a vertical part, the pair is not rectified")
+    text << (vertical > std::abs(right.P[3])
+                 ? "the cameras are one above the other, side by side is required "
+                   "(import_calibration.py turns such a pair)"
+                 : "the baseline has a vertical part, the pair is not rectified")
          << ": P[3] and P[7] are " << left.P[3] << " and " << left.P[7] << " on the left, " << right.P[3]
          << " and " << right.P[7] << " on the right, allowed: P[7] within 1 % of the right P[3]";
   } else if (left.P[3] != 0.0) {
@@ -75,6 +78,18 @@ std::string pairProblem(const sensor_msgs::CameraInfo& left, const sensor_msgs::
     text << "P[3] = -fx * baseline of the right camera must stand for 1e-6 to 1e3 m, it is " << right.P[3];
   }
   return text.str();
+}
+
+/// Whether the camera's own picture reaches beyond the borders of the rectified one: a lens that distorts, a
+/// camera that is turned, another focal length or centre.
+bool showsMore(const sensor_msgs::CameraInfo& info) {
+  if (std::any_of(info.D.begin(), info.D.end(), [](double d) { return d != 0.0; })) return true;
+  if (!rectification(info).isIdentity(1e-9)) return true;
+  if (info.K[0] == 0.0) return false; // not stated
+  static constexpr std::pair<std::size_t, std::size_t> kOfKAndP[] = {{0, 0}, {4, 5}, {2, 2}, {5, 6}};
+  return std::any_of(std::begin(kOfKAndP), std::end(kOfKAndP), [&info](const auto& index) {
+    return std::abs(info.K[index.first] - info.P[index.second]) > kPixelTolerance;
+  });
 }
 
 } // namespace
@@ -137,11 +152,7 @@ void RigAssembler::addRight(const sensor_msgs::CameraInfo& info) {
 std::optional<ImageSize> RigAssembler::imageSize() const {
   if (!rig_ || left_->width == 0 || left_->height == 0) return std::nullopt;
   if (left_->width != right_->width || left_->height != right_->height) return std::nullopt;
-  const auto isRaw = [](const sensor_msgs::CameraInfo& info) {
-    return std::any_of(info.D.begin(), info.D.end(), [](double d) { return d != 0.0; });
-  };
-  if (isRaw(*left_) || isRaw(*right_))
-    return std::nullopt; // which sees beyond the borders of the rectified one
+  if (showsMore(*left_) || showsMore(*right_)) return std::nullopt;
   return ImageSize{static_cast<double>(left_->width), static_cast<double>(left_->height)};
 }
 

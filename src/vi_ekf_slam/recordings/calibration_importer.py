@@ -20,7 +20,6 @@ def absolute_topic(name):
 
 
 def make_parser():
-    """The argument parser."""
     parser = argparse.ArgumentParser(
         prog="import_calibration.py",
         description="Read the calibration of a rig and write a launch file that publishes it (camera_info of both cameras, "
@@ -49,7 +48,8 @@ def describe(rig):
     """Lines of text: what a reader can compare with the rig in front of him."""
     left, baseline = rig.left, np.linalg.norm(rig.left_T_right[:3, 3])
     focal_length, centre = left.projection[0, [0, 2]]
-    field = np.degrees(np.arctan(centre / focal_length) + np.arctan((left.size[0] - centre) / focal_length))
+    width = left.size[0 if abs(left.rectification[0, 0]) > abs(left.rectification[0, 1]) else 1]  # along the baseline
+    field = np.degrees(np.arctan(centre / focal_length) + np.arctan((width - centre) / focal_length))
     x, y, z = rig.imu_T_left[:3, 3]
     lines = ["calibration: %s" % rig.format,
              "pictures: %d x %d px, %s, rectified focal length %.1f px, %.0f deg wide" % (*left.size, left.model, focal_length, field),
@@ -72,9 +72,7 @@ def import_calibration(options):
     if options.bag is not None and options.output is None:
         raise InputError("--bag needs --output OUT.bag")
     if options.output is not None:
-        if not options.output.endswith(suffix):
-            raise InputError("--output is %s, allowed: a name that ends in %s" % (options.output, suffix))
-        check_output(options.output, options.bag)
+        check_output(options.output, options.bag, suffix)
     rig = read_calibration(options.files, options.imu, options.imu_T_left)
     print("\n".join(describe(rig)))
     if options.output is None:

@@ -114,6 +114,9 @@ def _two_files(paths, imu, imu_T_left):
         if abs(values[0] - values[1]) > PIXEL_TOLERANCE:
             raise InputError("%s: %s of projection_matrix is %.6g px, that of %s %.6g px, allowed: the same, of a rectified pair"
                              % (paths[1], name, values[0], paths[0], values[1]))
+    if abs(right.projection[1, 3]) > abs(right.projection[0, 3]):
+        raise InputError("%s: projection_matrix has the second camera above or below the first (P[7] is %.6g), allowed: to its right; of "
+                         "Kalibr's or EuRoC's files such a pair is turned" % (paths[1], right.projection[1, 3]))
     baseline = -right.projection[0, 3] / right.projection[0, 0]
     checks.require_positive(baseline, "%s: baseline of projection_matrix, -P[3] / P[0]" % paths[1], "m")
     left_T_right = inverse(make_transform(left.rectification, np.zeros(3))) @ make_transform(

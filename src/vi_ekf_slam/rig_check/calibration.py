@@ -7,6 +7,9 @@ from vi_ekf_slam.common.geometry import make_transform, rotation_error
 from vi_ekf_slam.recordings.rig_calibration import PIXEL_TOLERANCE
 
 MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
+# Share of the picture's width and height from its middle: lenses are centred to a twentieth, and K of a picture of half or twice the
+# size is off by a quarter and more.
+MAX_OFF_CENTRE = 0.15
 MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
 COEFFICIENTS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (0, 4, 5, 8), "equidistant": (4,), "fisheye": (4,)}  # of D, by the model
 MAX_VERTICAL = 0.01  # of the baseline: rows would differ by so much of the disparity, half a pixel of 50
@@ -63,16 +66,29 @@ def check_calibration(rig, report):
                       "the first one is used: stop what re-calibrates, or crops")
     rig.cameras = Camera(left), Camera(right)
     baseline = -right.P[3] / right.P[0]
-    field = 2.0 * np.degrees(np.arctan(0.5 * left.width / left.P[0])) if left.width else 0.0
+    across = rig.cameras[0].R[0]  # the baseline in the picture: along its columns where R turns by 90 deg
+    field = 2.0 * np.degrees(np.arctan(0.5 * rig.cameras[0].size[int(abs(across[1]) > abs(across[0]))] / left.P[0]))
     figure = "baseline %.4g m, %.4g px, %.0f deg wide" % (baseline, left.P[0], field)
     if not MIN_BASELINE <= baseline <= MAX_BASELINE:
         report.yellow("the baseline is unusual", "%.4g m" % baseline, "%g to %g m" % (MIN_BASELINE, MAX_BASELINE),
                       "right P[3] is -fx times the baseline in m: is it in mm?")
-    elif left.width and not MAX_FIELD[0] <= field <= MAX_FIELD[1]:
+    elif field and not MAX_FIELD[0] <= field <= MAX_FIELD[1]:
         report.yellow("focal length and width do not go together", figure, "%g to %g deg" % MAX_FIELD,
                       "is camera_info that of another resolution?")
+    elif max(map(_off_centre, rig.cameras)) > MAX_OFF_CENTRE:
+        worse = max(rig.cameras, key=_off_centre)
+        report.yellow("the principal point is far from the middle of the picture", "K: at %.0f, %.0f of %d x %d px" % (
+            worse.K[0, 2], worse.K[1, 2], *worse.size), "within %g of width and height" % MAX_OFF_CENTRE,
+                      "is K that of another resolution, or of a crop?")
     else:
         report.green("camera_info describes a rectified pair", figure)
+
+
+def _off_centre(camera):
+    """Of the principal point, as a share of the picture's size; 0 where either is not stated."""
+    if not (camera.K.any() and all(camera.size)):
+        return 0.0
+    return float(np.abs((camera.K[:2, 2] + 0.5) / camera.size - 0.5).max())
 
 
 def _fault(info, side):
@@ -115,7 +131,8 @@ def _pair_fault(left, right):
     if vertical > max(PIXEL_TOLERANCE, MAX_VERTICAL * abs(right.P[3])):
         return ("the cameras are one above the other" if vertical > abs(right.P[3]) else "the baseline has a vertical part",
                 "P[3], P[7]: left %.4g, %.4g, right %.4g, %.4g" % (left.P[3], left.P[7], right.P[3], right.P[7]), "P[7] 0",
-                "cameras side by side are required: turn pictures and calibration of both by 90 deg, or rectify the pair again")
+                "let import_calibration.py make camera_info of the pair's raw calibration (Kalibr, EuRoC), whose R turns it by 90 deg"
+                if vertical > abs(right.P[3]) else "rectify the pair again")
     if left.P[3] == 0.0 and right.P[3] > 0.0:
         return ("camera_info states that the right camera is on the left", "right P[3] %.4g" % right.P[3],
                 "negative, -fx times the baseline",

@@ -7,18 +7,17 @@ from vi_ekf_slam.bag.opening import open_bag
 
 # sensor_msgs/Image: (bits, channels, what OpenCV makes grey of it).
 ENCODINGS = {"mono8": (8, 1, None), "8UC1": (8, 1, None), "mono16": (16, 1, None), "16UC1": (16, 1, None),
-             "bgr8": (8, 3, cv2.COLOR_BGR2GRAY), "rgb8": (8, 3, cv2.COLOR_RGB2GRAY), "8UC3": (8, 3, cv2.COLOR_BGR2GRAY),
-             "bgra8": (8, 4, cv2.COLOR_BGRA2GRAY), "rgba8": (8, 4, cv2.COLOR_RGBA2GRAY),
-             "bgr16": (16, 3, cv2.COLOR_BGR2GRAY), "rgb16": (16, 3, cv2.COLOR_RGB2GRAY),
-             "bayer_rggb8": (8, 1, cv2.COLOR_BayerBG2GRAY), "bayer_bggr8": (8, 1, cv2.COLOR_BayerRG2GRAY),
-             "bayer_gbrg8": (8, 1, cv2.COLOR_BayerGR2GRAY), "bayer_grbg8": (8, 1, cv2.COLOR_BayerGB2GRAY),
-             "yuv422": (8, 2, cv2.COLOR_YUV2GRAY_UYVY)}
+             "yuv422": (8, 2, cv2.COLOR_YUV2GRAY_UYVY), "yuv422_yuy2": (8, 2, cv2.COLOR_YUV2GRAY_YUY2)}
+for _bits in (8, 16):
+    ENCODINGS.update({"%s%d" % (name, _bits): (_bits, channels, conversion) for name, channels, conversion in (
+        ("bgr", 3, cv2.COLOR_BGR2GRAY), ("rgb", 3, cv2.COLOR_RGB2GRAY), ("bgra", 4, cv2.COLOR_BGRA2GRAY), ("rgba", 4, cv2.COLOR_RGBA2GRAY),
+        ("bayer_rggb", 1, cv2.COLOR_BayerBG2GRAY), ("bayer_bggr", 1, cv2.COLOR_BayerRG2GRAY),
+        ("bayer_gbrg", 1, cv2.COLOR_BayerGR2GRAY), ("bayer_grbg", 1, cv2.COLOR_BayerGB2GRAY))})
 
 
 def read_pairs(rig, pairs):
     """Yield (k, left, right), 8 bit grey, of the rows k of `pairs` (pair_stamps) in order. A picture that cannot be decoded is None."""
     left, right = rig.streams["left_image"], rig.streams["right_image"]
-    wanted = {("left", int(left.stamps[i])) for i in pairs[:, 0]} | {("right", int(right.stamps[j])) for j in pairs[:, 1]}
     number = {("left", int(left.stamps[i])): k for k, (i, _) in enumerate(pairs)}
     number.update({("right", int(right.stamps[j])): k for k, (_, j) in enumerate(pairs)})
     if not len(pairs):
@@ -30,15 +29,13 @@ def read_pairs(rig, pairs):
     bits = 8  # in use so far: a brighter picture has one more, and is as bright as those before
     with open_bag(rig.path) as bag:
         for topic, message, _ in bag.read_messages([left.topic, right.topic], begin, end):
-            key = sides[topic], message.header.stamp.to_nsec()
-            if key not in wanted:
+            k = number.pop((sides[topic], message.header.stamp.to_nsec()), None)
+            if k is None:
                 continue
-            wanted.discard(key)
-            k = number[key]
             image = _decode(message)
             if image is not None and image.dtype != np.uint8:
                 bits = max(bits, int(image.max()).bit_length())
-            held.setdefault(k, {})[key[0]] = image
+            held.setdefault(k, {})[sides[topic]] = image
             if len(held[k]) == 2:
                 pair = held.pop(k)
                 yield k, _eight_bits(pair["left"], bits), _eight_bits(pair["right"], bits)

@@ -34,7 +34,7 @@ def check_pictures(rig, report):
     lost = "%d of %d pairs" % (len(chosen) - len(rows), len(chosen))
     if len(rows) < len(chosen) // 2:
         report.red("pictures cannot be decoded", lost, "none",
-                   "encodings: mono8, mono16, bgr8, rgb8, Bayer, yuv422; JPEG or PNG on /compressed")
+                   "encodings: mono8, mono16, bgr8, rgb8, Bayer, yuv422, yuv422_yuy2; JPEG or PNG on /compressed")
         return
     if len(rows) < len(chosen):
         report.yellow("some pictures cannot be decoded", lost, "none", "does the driver or the link lose data?")
@@ -64,21 +64,18 @@ def _measure(image):
 def _judge(values, report):
     """values: (pairs, 2, 6) of _measure."""
     median = np.median(values, axis=0)
-    well = True
+    before = len(report.findings)
     for side, (mean, dark, bright, saturated, corners, _) in zip(("left", "right"), median):
         if dark > ALL or bright > ALL:
-            well = False
             report.red("%s pictures are %s" % (side, "black" if dark > ALL else "overexposed"), "%.0f of 255 in the mean" % mean,
                        "%g to %g" % (DARK, BRIGHT), "set the exposure, take off the lens cap")
         elif corners < FEW_CORNERS:
-            well = False
             report.yellow("%s pictures have hardly any texture" % side, "%.0f corners" % corners, "%d" % FEW_CORNERS,
                           "out of focus, blurred by a long exposure, or an empty wall?")
         elif saturated > CLIPPED:
-            well = False
             report.yellow("%s pictures are clipped" % side, "%.0f %% saturated" % (100.0 * saturated), "%.0f %%" % (100.0 * CLIPPED),
                           "shorten the exposure")
-    if not well:
+    if len(report.findings) > before:
         return
     for index, what, limits, advice in (
             (5, "sharp", (UNSHARP, OUT_OF_FOCUS), "focus the lens of the other; is one window dirty?"),
@@ -86,11 +83,10 @@ def _judge(values, report):
         left, right = np.maximum(median[:, index], 1e-6)
         ratio = max(left / right, right / left)
         if ratio > limits[0]:
-            well = False
-            (report.red if ratio > limits[1] else report.yellow)(
-                "left and right pictures are not equally %s" % what, "ratio %.2f, the %s one more" % (
-                    ratio, "left" if left > right else "right"), "%g" % limits[0], advice)
-    if well:
+            report.complain(ratio > limits[1], "left and right pictures are not equally %s" % what,
+                            "ratio %.2f, the %s one more" % (ratio, "left" if left > right else "right"),
+                            "%g" % limits[0], advice)
+    if len(report.findings) == before:
         report.green("exposure, texture, sharpness", "brightness %.0f and %.0f of 255, %.0f and %.0f corners" % (
             median[0, 0], median[1, 0], median[0, 4], median[1, 4]), "%d corners" % FEW_CORNERS)
 

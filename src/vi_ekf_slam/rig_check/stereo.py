@@ -41,7 +41,7 @@ def _judge_features(rig, report):
     pixels = np.concatenate(pixels)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     width, height = rig.cameras[0].size
-    known = width and height and not rig.cameras[0].D.any()  # a lens that distorts shows more than the rectified picture
+    known = width and height and rig.cameras[0].is_rectified  # else the camera shows more than the rectified picture
     outside = ((pixels[:, :2] < -0.5) | (pixels[:, :2] > [width, height])).any(axis=1).mean() if known else 0.0
     if outside > OUTSIDE:
         report.red("features lie outside of the picture that camera_info describes", "%.0f %% outside of %d x %d px" % (
@@ -62,7 +62,7 @@ def _judge_features(rig, report):
 
 
 def _say_noise(rig, rows, report):
-    """Whether rows differ by more than the noise that the messages state, as the node judges it (sensors/pair_check.cpp)."""
+    """Whether rows differ by more than the noise that the messages state, as the node judges it (sensors/stereo_check.cpp)."""
     stated, noise = rig.stated_sigma, float(np.median(np.abs(rows))) / MEDIAN_OF_ROWS
     if 0.0 < stated < noise / NOISE_FACTOR and len(rows) >= FEWEST_ROWS:
         report.yellow("pixel noise is larger than stated", "%.2g px by the rows of %d points, stated %.2g px" % (noise, len(rows), stated),

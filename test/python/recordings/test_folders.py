@@ -314,6 +314,37 @@ def test_cameras_in_the_wrong_order_are_refused():
         rectify(right, left, "here")
 
 
+@pytest.mark.parametrize("model", ["plumb_bob", "equidistant"])
+@pytest.mark.parametrize("side", [-0.1, 0.1])
+def test_cameras_one_above_the_other_are_turned_side_by_side(model, side):
+    """A pair mounted on its side, either way round: with R and P a point is in one row, b f / z further left on the right."""
+    K = np.array([[50.0, 0, 23], [0, 52, 33], [0, 0, 1]])
+    distortion = np.array([-0.2, 0.05, 0, 0, 0][:4 if model == "equidistant" else 5])
+    cameras = [RawCamera((48, 64), K, model, distortion, make_transform(so3_exp([0.0, 0.0, turn]), [0.002, y, 0]))
+               for y, turn in ((0.0, 0.0), (side, 0.02))]
+    point, pixels = np.array([0.3, -0.2, 2.0, 1.0]), []
+    for raw, camera in zip(cameras, rectify(*cameras, "here")):
+        seen = camera.projection @ np.append(camera.rectification @ (inverse(raw.imu_T_cam) @ point)[:3], 1.0)
+        # P of ROS has the baseline in it: of a point of the left rectified frame.
+        pixels.append((seen - camera.projection[:, 3])[:2] / seen[2])
+        assert camera.size == (48, 64) and camera.intrinsics is K and np.linalg.det(camera.rectification) == pytest.approx(1.0)
+        assert 0.0 < camera.projection[0, 2] < 64.0 and 0.0 < camera.projection[1, 2] < 48.0
+    baseline = -camera.projection[0, 3] / camera.projection[0, 0]
+    assert baseline == pytest.approx(0.1) and camera.projection[1, 3] == 0.0
+    disparity = pixels[0] - pixels[1]
+    assert disparity == pytest.approx([camera.projection[0, 0] * baseline / seen[2], 0.0], abs=1e-9)
+
+
+def test_cameras_that_are_turned_against_each_other_are_refused():
+    K = np.array([[50.0, 0, 32], [0, 50, 24], [0, 0, 1]])
+    for model in ("plumb_bob", "equidistant"):
+        for turn in (np.pi, -0.5 * np.pi, 0.5):
+            left, right = (RawCamera((64, 48), K, model, np.zeros(4), make_transform(so3_exp([0, 0, angle]), [x, 0, 0]))
+                           for x, angle in ((0, 0), (0.1, turn)))
+            with pytest.raises(InputError, match="here: the pictures of the cameras are turned by %.0f deg" % np.degrees(abs(turn))):
+                rectify(left, right, "here")
+
+
 def test_sizes_are_read_from_the_headers(tmp_path):
     for suffix in (".png", ".jpg"):
         picture(tmp_path / ("a" + suffix), 1, (70, 33))

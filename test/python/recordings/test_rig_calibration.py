@@ -123,6 +123,11 @@ def test_camera_calibration_says_the_same_with_the_extrinsic(rig):
         assert_same(read_calibration(files, None, str(where)), rig)
     with pytest.raises(InputError, match="baseline of projection_matrix"):
         read_calibration(files[::-1], None, str(where))
+    below = rig.right.projection.copy()
+    below[:2, 3] = below[1::-1, 3]
+    (folder / "right.yaml").write_text(ros_yaml(rig.right._replace(projection=below)))
+    with pytest.raises(InputError, match="right.yaml: projection_matrix has the second camera above or below the first"):
+        read_calibration(files, None, str(where))
 
 
 def test_two_files_of_camera_calibration_must_be_of_one_pair(rig):

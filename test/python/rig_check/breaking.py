@@ -80,6 +80,12 @@ def half_resolution(left, right):
         info.width, info.height = info.width // 2, info.height // 2
 
 
+def matrices_of_half_resolution(left, right):
+    half_resolution(left, right)
+    for info in (left, right):
+        info.width, info.height = 2 * info.width, 2 * info.height
+
+
 def wrong_focal_length(left, right):
     for info in (left, right):
         info.P = [0.5 * x if k in (0, 3, 5) else x for k, x in enumerate(info.P)]

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import rigs
 from breaking import (accelerations, backwards, burst, every, exchange_infos, exchanged, extrinsic, features, foreign_gyro,
-                      gyro, half_resolution, infos, late, looping, losing, no_stamp, not_a_number, not_a_pair, one_frame,
-                      one_above_the_other, other_rows, quiet_statement, renamed, repeated, scale_baseline, sent_twice, turned_imu,
-                      two_imus, with_P, wrong_focal_length)
+                      gyro, half_resolution, infos, late, looping, losing, matrices_of_half_resolution, no_stamp, not_a_number,
+                      not_a_pair, one_above_the_other, one_frame, other_rows, quiet_statement, renamed, repeated, scale_baseline,
+                      sent_twice, turned_imu, two_imus, with_P, wrong_focal_length)
 
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp, so3_log
 from vi_ekf_slam.rig_check.checker import make_report
@@ -97,6 +97,12 @@ def test_the_fault_is_named_first(name, sound, tmp_path):
     assert first is not None and first.level == level and words in first.text, report.findings
     assert first.figure or first.limit
     assert first.advice
+
+
+def test_matrices_of_another_resolution_than_the_size_are_told(sound, tmp_path):
+    """Whatever else follows from it."""
+    report = judge(tmp_path / "half.bag", infos(rigs.copies(sound[False]), matrices_of_half_resolution))
+    assert any("the principal point is far from the middle" in finding.text for finding in report.of_level(YELLOW)), report.findings
 
 
 def test_of_two_imus_both_are_named_and_none_is_missed_where_a_topic_is_given(sound, tmp_path):

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import genpy
 import numpy as np
+import pytest
 import rosbag
 from sensor_msgs.msg import CompressedImage, Image
 
@@ -34,8 +35,24 @@ def test_what_cannot_be_decompressed_is_no_picture():
         assert _decode(CompressedImage(format="png", data=data)) is None
 
 
-def test_a_webcams_yuv_is_read_as_its_grey():
-    """As the node's cv_bridge does: U Y V Y."""
+@pytest.mark.parametrize("encoding", ["yuv422", "yuv422_yuy2"])
+def test_a_webcams_yuv_is_read_as_its_grey(encoding):
+    """As the front end does: U Y V Y, and Y U Y V."""
     grey = np.arange(48, dtype=np.uint8).reshape(6, 8)
-    message = Image(height=6, width=8, encoding="yuv422", step=16, data=np.dstack([np.full_like(grey, 128), grey]).tobytes())
+    parts = [np.full_like(grey, 128), grey]
+    message = Image(height=6, width=8, encoding=encoding, step=16, data=np.dstack(parts if encoding == "yuv422" else parts[::-1]).tobytes())
     assert (_decode(message) == grey).all()
+
+
+@pytest.mark.parametrize("name", ["mono", "bgr", "rgb", "bgra", "rgba", "bayer_rggb", "bayer_bggr", "bayer_gbrg", "bayer_grbg"])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_all_is_read_that_the_front_end_reads(name, bits):
+    """Of one grey: each as that grey."""
+    channels = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4}.get(name, 1)
+    data = np.full((6, 8 * channels), 200, "<u%d" % (bits // 8))
+    grey = _decode(Image(height=6, width=8, encoding="%s%d" % (name, bits), step=data.strides[0], data=data.tobytes()))
+    assert grey.shape == (6, 8) and grey.dtype == data.dtype and (np.abs(grey.astype(int) - 200) <= 1).all()
+
+
+def test_what_the_front_end_refuses_is_not_read():
+    assert _decode(Image(height=6, width=8, encoding="8UC3", step=24, data=bytes(144))) is None
