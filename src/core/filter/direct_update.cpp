@@ -14,10 +14,6 @@ namespace {
 constexpr double kWorstCondition = 1e6;    // of J: 150 m before a pair of 0.1 m it is 2e3
 constexpr double kLargestInnovation = 1e4; // S over R: R - R S^-1 R loses as many digits of what is small
 
-} // namespace
-
-namespace {
-
 /// The lower triangle alone: the columns of each point, then its rows.
 void reexpressLower(Eigen::Ref<Eigen::MatrixXd> P, const std::vector<Variables::Reexpressed>& points) {
   for (const auto& [row, M, N] : points) {
@@ -145,41 +141,30 @@ void DirectUpdate::correctRows(Eigen::Ref<Eigen::MatrixXd> X, const Eigen::Ref<c
   reexpressRows(X, moved.unseen);
 }
 
-/// `cross` is K R J^-T.
-DirectUpdate::Rest DirectUpdate::correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P,
-                                             const std::vector<Eigen::Matrix3d>& A) const {
-  const auto rest = static_cast<Eigen::Index>(rest_.size());
-  Rest result{Eigen::MatrixXd(rest, rest), Eigen::MatrixXd(rest, gain_.cols())};
-  for (Eigen::Index j = 0; j < rest; ++j) {
-    for (Eigen::Index i = j; i < rest; ++i)
-      result.own(i, j) = P(rest_[static_cast<std::size_t>(i)], rest_[static_cast<std::size_t>(j)]);
-  }
-  result.own.selfadjointView<Eigen::Lower>().rankUpdate(weighted_, -1.0);
-  for (std::size_t i = 0; i < seen_.size(); ++i) {
-    const auto column = 3 * static_cast<Eigen::Index>(i);
-    result.cross.middleCols<3>(column) = gain_.middleCols<3>(column).lazyProduct(A[i]);
-  }
-  return result;
-}
-
+/// What is not measured; its covariance with what is, K R J^-T (`cross`); and that of this itself.
 void DirectUpdate::correct(Eigen::Ref<Eigen::MatrixXd> P,
                            const std::vector<Variables::Reexpressed>& points) const {
   const Moved moved = movedBy(points);
-  const auto [own, cross] = correctRest(P, moved.A);
   const auto rest = static_cast<Eigen::Index>(rest_.size());
+  const auto rowOf = [this](Eigen::Index i) { return rest_[static_cast<std::size_t>(i)]; };
+  Eigen::MatrixXd own(rest, rest);
   for (Eigen::Index j = 0; j < rest; ++j) {
-    for (Eigen::Index i = j; i < rest; ++i)
-      P(rest_[static_cast<std::size_t>(i)], rest_[static_cast<std::size_t>(j)]) = own(i, j);
+    for (Eigen::Index i = j; i < rest; ++i) own(i, j) = P(rowOf(i), rowOf(j));
   }
+  own.selfadjointView<Eigen::Lower>().rankUpdate(weighted_, -1.0);
+  for (Eigen::Index j = 0; j < rest; ++j) {
+    for (Eigen::Index i = j; i < rest; ++i) P(rowOf(i), rowOf(j)) = own(i, j);
+  }
+  Eigen::MatrixXd cross(rest, gain_.cols());
   Eigen::MatrixXd column(S_inverse_.rows(), 3); // of cov(y_j, y_k), by A_j^T
   for (std::size_t k = 0; k < seen_.size(); ++k) {
     const Eigen::Index first = 3 * static_cast<Eigen::Index>(k), to = seen_[k].row;
+    cross.middleCols<3>(first) = gain_.middleCols<3>(first).lazyProduct(moved.A[k]);
     for (Eigen::Index i = 0; i < rest; ++i) {
-      const Eigen::Index row = rest_[static_cast<std::size_t>(i)];
-      if (row > to)
-        P.block<1, 3>(row, to) = cross.block<1, 3>(i, first);
+      if (rowOf(i) > to)
+        P.block<1, 3>(rowOf(i), to) = cross.block<1, 3>(i, first);
       else
-        P.block<3, 1>(to, row) = cross.block<1, 3>(i, first).transpose();
+        P.block<3, 1>(to, rowOf(i)) = cross.block<1, 3>(i, first).transpose();
     }
     auto below = column.bottomRows(column.rows() - first);
     below = S_inverse_.middleCols<3>(first).bottomRows(below.rows()).lazyProduct(-moved.A[k]);

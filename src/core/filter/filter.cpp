@@ -31,9 +31,7 @@ void transport(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Vector3d& moved) {
 } // namespace
 
 Eigen::Matrix<double, 3, 6> byPose(const Eigen::Vector3d& point, const Eigen::Vector3d& position) {
-  Eigen::Matrix<double, 3, 6> J;
-  J << -Eigen::Matrix3d::Identity(), so3::hat(point - position);
-  return J;
+  return -se3::pointJacobian(point - position);
 }
 
 Filter::Filter(const SE3& pose, const Matrix6d& covariance)
@@ -45,12 +43,6 @@ void Filter::closeCore() {
   if (rows() > kMostCoreRows) throw std::logic_error("the core has more rows than its steps have room for");
   core_rows_ = rows();
   core_ = CompressedCore(core_rows_);
-}
-
-bool Filter::isLevel() const {
-  const auto& handles = variables_.handles();
-  return std::any_of(handles.begin(), handles.end(),
-                     [this](Handle h) { return variables_.chartOf(h) == Chart::kWorldVector; });
 }
 
 Eigen::MatrixXd Filter::covariance(Handle a, Handle b) const {

@@ -93,14 +93,6 @@ std::vector<Handle> Filter::marginaliseOldest(std::size_t count) {
   return gone;
 }
 
-void Filter::reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-  makeIndependent(rowOf(handle), covariance);
-}
-
-void Filter::fixPose(Eigen::Index row, double variance) {
-  makeIndependent(row, Eigen::Matrix<double, 1, 1>(variance));
-}
-
 void Filter::makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
   settle();
   const Eigen::Index k = covariance.rows();

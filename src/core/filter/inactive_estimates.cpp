@@ -11,44 +11,31 @@
 namespace vi_ekf_slam {
 namespace {
 
-/// What has happened since the end of a block to those that left in it or before: information (empty where it
-/// is not asked for) and correction.
-struct Since {
-  Eigen::MatrixXd information;
-  Eigen::VectorXd correction;
-
-  /// Of those of a part: `own` of one's rows (row, rows) its covariance there, `cross` of some (first row,
-  /// rows) that with the active errors at the block's end.
-  template <class Own, class Cross>
-  void estimate(const std::vector<Eigen::Index>& first, const InactiveVariable* variables, const Own& own,
-                const Cross& cross, InactiveStore::Estimate* result) const {
-    constexpr std::size_t kAtATime = 64;
-    const std::size_t count = first.size() - 1;
-    for (std::size_t begin = 0; begin < count; begin += kAtATime) {
-      const std::size_t end = std::min(count, begin + kAtATime);
-      const Eigen::MatrixXd C = cross(first[begin], first[end] - first[begin]);
-      const Eigen::VectorXd moved = C.transpose() * correction;
-      Eigen::MatrixXd learned;
-      if (information.size() > 0) learned.noalias() = information * C;
-      for (std::size_t i = begin; i < end; ++i) {
-        const Eigen::Index row = first[i] - first[begin], rows = first[i + 1] - first[i];
-        result[i] = {variables[i], own(first[i], rows)};
-        result[i].variable.mean += moved.segment(row, rows);
-        if (information.size() > 0)
-          result[i].covariance.noalias() -=
-              C.middleCols(row, rows).transpose() * learned.middleCols(row, rows);
-        mirrorLower(result[i].covariance);
-      }
+/// Of those of a part: `own` and `cross` are their covariance, and that of the active errors with them, at
+/// its end.
+template <class Own>
+void estimatePart(const inactive::Since& since, const inactive::Departed& part, const Own& own,
+                  const inactive::StackedRows& cross, const InactiveVariable* variables,
+                  InactiveStore::Estimate* result) {
+  constexpr std::size_t kAtATime = 64;
+  const bool exact = since.information.size() > 0;
+  for (std::size_t begin = 0; begin < part.count(); begin += kAtATime) {
+    const std::size_t end = std::min(part.count(), begin + kAtATime);
+    const Eigen::MatrixXd C = cross.middleCols(part.first[begin], part.first[end] - part.first[begin]);
+    const Eigen::VectorXd moved = C.transpose() * since.correction;
+    Eigen::MatrixXd learned;
+    if (exact) learned.noalias() = since.information * C;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Index from = part.first[i], row = from - part.first[begin],
+                         rows = part.first[i + 1] - from;
+      result[i] = {variables[i], own.block(from, from, rows, rows)};
+      result[i].variable.mean += moved.segment(row, rows);
+      if (exact)
+        result[i].covariance.noalias() -= C.middleCols(row, rows).transpose() * learned.middleCols(row, rows);
+      mirrorLower(result[i].covariance);
     }
   }
-  /// From the end of a block to its beginning.
-  void goBack(const inactive::Block& block) {
-    correction = block.back(correction.transpose()).transpose() + block.correction();
-    if (information.size() == 0) return;
-    const Eigen::MatrixXd half = block.back(information).transpose();
-    information = block.back(half) + block.information();
-  }
-};
+}
 
 } // namespace
 
@@ -68,7 +55,7 @@ std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const 
   for (std::size_t i = 0; i < open_.count(); ++i) result[next + i] = estimateInOpen(i);
   if (next == 0) return result;
   const Eigen::Index n = open_.begin;
-  Since since{{}, open_.correction.head(n)};
+  inactive::Since since{{}, open_.correction.head(n)};
   if (exact) {
     since.information = open_.information.topLeftCorner(n, n);
     mirrorLower(since.information);
@@ -76,17 +63,10 @@ std::vector<InactiveStore::Estimate> InactiveStore::estimates(bool exact) const 
   for (auto b = blocks_.rbegin(); b != blocks_.rend(); ++b) {
     const Block& block = **b;
     next -= block.count();
-    since.estimate(
-        block.first, &variables_[next],
-        [&](Eigen::Index row, Eigen::Index rows) { return block.own->block(row, row, rows, rows); },
-        [&](Eigen::Index row, Eigen::Index rows) { return block.cross.middleCols(row, rows); },
-        &result[next]);
+    estimatePart(since, block, *block.own, block.cross, &variables_[next], &result[next]);
     since.goBack(block);
   }
-  since.estimate(
-      settled_->first, variables_.data(),
-      [&](Eigen::Index row, Eigen::Index rows) { return settled_->covariance.block(row, row, rows, rows); },
-      [&](Eigen::Index row, Eigen::Index rows) { return cross_.middleCols(row, rows); }, result.data());
+  estimatePart(since, *settled_, settled_->covariance, cross_, variables_.data(), result.data());
   result.erase(std::remove_if(result.begin(), result.end(),
                               [](const Estimate& e) { return e.variable.handle == kTaken; }),
                result.end());
@@ -98,27 +78,25 @@ InactiveStore::Related InactiveStore::related(Handle handle) const {
                                   [handle](const InactiveVariable& v) { return v.handle == handle; });
   if (found == variables_.end() || handle == kTaken)
     throw std::out_of_range("variable " + std::to_string(handle) + " is not inactive");
-  auto i = static_cast<std::size_t>(found - variables_.begin());
+  const auto i = static_cast<std::size_t>(found - variables_.begin());
+  const Eigen::Index rows = found->mean.size();
+  if (const std::size_t closed = variables_.size() - open_.count(); i >= closed)
+    return {estimateInOpen(i - closed), open_.F.block(0, open_.begin + open_.first[i - closed], rows_, rows)};
   Estimate estimate{*found, {}};
   inactive::Carried carried;
-  const auto rowsIn = [&i](const auto& part) {
-    return std::pair(part.first[i], part.first[i + 1] - part.first[i]);
+  std::size_t begin = 0; // of a part
+  const auto joinIfOf = [&](const inactive::Departed& part, const auto& own, const auto& cross) {
+    if (begin <= i && i < begin + part.count()) {
+      const Eigen::Index row = part.first[i - begin];
+      carried.join(cross.middleCols(row, rows), Eigen::MatrixXd(rows, 0), own.block(row, row, rows, rows));
+    }
+    begin += part.count();
   };
-  auto block = blocks_.begin();
-  if (i < settled_->count()) {
-    const auto [row, rows] = rowsIn(*settled_);
-    carried.join(cross_.middleCols(row, rows), Eigen::MatrixXd(rows, 0),
-                 settled_->covariance.block(row, row, rows, rows));
-  } else {
-    i -= settled_->count();
-    for (; block != blocks_.end() && i >= (*block)->count(); ++block) i -= (*block)->count();
-    const auto [row, rows] = block == blocks_.end() ? rowsIn(open_) : rowsIn(**block);
-    if (block == blocks_.end()) return {estimateInOpen(i), open_.F.block(0, open_.begin + row, rows_, rows)};
-    carried.join((*block)->cross.middleCols(row, rows), Eigen::MatrixXd(rows, 0),
-                 (*block)->own->block(row, row, rows, rows));
-    ++block;
+  joinIfOf(*settled_, settled_->covariance, cross_);
+  for (const auto& block : blocks_) {
+    if (carried.rows() > 0) block->pass(carried);
+    joinIfOf(*block, *block->own, block->cross);
   }
-  for (; block != blocks_.end(); ++block) (*block)->pass(carried);
   passOpen(carried);
   estimate.variable.mean += carried.moved;
   estimate.covariance = std::move(carried.own);

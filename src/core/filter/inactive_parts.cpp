@@ -80,21 +80,19 @@ Eigen::MatrixXd Block::pass(Carried& carried) const {
   return learned;
 }
 
-Eigen::MatrixXd Block::information() const {
-  Eigen::MatrixXd result = Eigen::MatrixXd::Zero(atBegin(), atBegin());
-  result.topLeftCorner(passage->F.cols(), passage->F.cols()) = passage->information;
-  return result;
-}
-
-Eigen::VectorXd Block::correction() const {
-  Eigen::VectorXd result = Eigen::VectorXd::Zero(atBegin());
-  result.head(passage->F.cols()) = passage->correction;
-  return result;
-}
-
 std::size_t Block::bytes() const {
   const Eigen::Index size = passage->F.size() + passage->information.size() + origin->size() + own->size();
   return static_cast<std::size_t>(size) * sizeof(double) + added.bytes() + cross.bytes();
+}
+
+void Since::goBack(const Block& block) {
+  const Block::Passage& learned = *block.passage; // by the first ones of its first errors
+  correction = block.back(correction.transpose()).transpose();
+  correction.head(learned.correction.size()) += learned.correction;
+  if (information.size() == 0) return;
+  const Eigen::MatrixXd half = block.back(information).transpose();
+  information = block.back(half);
+  information.topLeftCorner(learned.F.cols(), learned.F.cols()) += learned.information;
 }
 
 void grow(Eigen::MatrixXd& matrix, Eigen::Index rows, Eigen::Index cols) {

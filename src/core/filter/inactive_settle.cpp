@@ -36,17 +36,17 @@ void keep(Settled& settled, Eigen::MatrixXd& cross, const std::vector<std::size_
 
 } // namespace
 
-/// Block by block from the last one: F, information and correction from the block's end to now, and `later`,
-/// the d of those that left afterwards in terms of the active errors at its end.
+/// Block by block from the last one: F and what was learned from the block's end to now, and `later`, the d
+/// of those that left afterwards in terms of the active errors at its end.
 Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std::size_t>& kept,
                   const std::deque<std::shared_ptr<const Block>>& blocks) {
   keep(settled, before, kept);
-  const Eigen::Index old = settled.rows();
+  const Eigen::Index old = settled.left();
   for (const auto& block : blocks) {
-    const Eigen::Index first = settled.rows();
+    const Eigen::Index first = settled.left();
     for (std::size_t i = 0; i < block->count(); ++i) settled.first.push_back(first + block->first[i + 1]);
   }
-  const Eigen::Index all = settled.rows();
+  const Eigen::Index all = settled.left();
   SymmetricPanels& P = settled.covariance;
   P.resize(all);
   const Eigen::Index end = blocks.back()->atEnd();
@@ -54,18 +54,17 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
   Eigen::MatrixXd cross(end, all);
   result.moved = Eigen::VectorXd::Zero(all);
   Eigen::Index first = all;
-  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(end, end), information = Eigen::MatrixXd::Zero(end, end);
-  Eigen::MatrixXd later(0, end);
-  Eigen::VectorXd correction = Eigen::VectorXd::Zero(end);
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(end, end), later(0, end);
+  Since since{Eigen::MatrixXd::Zero(end, end), Eigen::VectorXd::Zero(end)};
   for (auto b = blocks.rbegin(); b != blocks.rend(); ++b) {
     const Block& block = **b;
     const Eigen::Index own = block.left(), here = first - own;
     const Eigen::MatrixXd block_cross = block.cross.all();
-    const Eigen::MatrixXd learned = block_cross.transpose() * information;
+    const Eigen::MatrixXd learned = block_cross.transpose() * since.information;
     cross.middleCols(here, own).noalias() = F * block_cross;
     P.set(first, here, later * block_cross);
     P.set(here, here, *block.own - learned * block_cross);
-    result.moved.segment(here, own).noalias() = block_cross.transpose() * correction;
+    result.moved.segment(here, own).noalias() = block_cross.transpose() * since.correction;
     Eigen::MatrixXd joined(own + later.rows(), block.atBegin());
     joined.topRows(own) = -block.back(learned);
     joined.topLeftCorner(own, block.origin->cols()) += *block.origin;
@@ -73,13 +72,12 @@ Composed composed(Settled settled, Eigen::MatrixXd before, const std::vector<std
     later.swap(joined);
     first = here;
     F = block.back(F);
-    information = block.back(Eigen::MatrixXd(block.back(information).transpose())) + block.information();
-    correction = block.back(correction.transpose()).transpose() + block.correction();
+    since.goBack(block);
   }
   if (old > 0) {
-    const Eigen::MatrixXd learned = information * before;
+    const Eigen::MatrixXd learned = since.information * before;
     P.subtractProduct(before, learned);
-    result.moved.head(old).noalias() = before.transpose() * correction;
+    result.moved.head(old).noalias() = before.transpose() * since.correction;
     cross.leftCols(old).noalias() = F * before;
     P.setProduct(old, later, before);
   }
@@ -111,17 +109,15 @@ void InactiveStore::beginSettling() {
   if (settling_.valid() || blocks_.empty()) return;
   begun_ = begun();
   // To give back that much memory takes longer than a frame has, and the matrix's is wanted again.
-  settling_ = std::async(std::launch::async | std::launch::deferred, [settled = settled_, cross = cross_,
-                                                                      kept = keptOfSettled(),
-                                                                      blocks = Blocks(blocks_),
-                                                                      replaced = std::exchange(
-                                                                          replaced_, {})]() mutable {
-                inactive::Settled copy;
-                if (isOwnedAlone(replaced.settled)) copy = std::move(*replaced.settled);
-                replaced = {};
-                copy = *settled;
-                return inactive::composed(std::move(copy), cross.all(), kept, blocks);
-              }).share();
+  auto settle = [settled = settled_, cross = cross_, kept = keptOfSettled(), blocks = blocks_,
+                 replaced = std::exchange(replaced_, {})]() mutable {
+    inactive::Settled copy;
+    if (isOwnedAlone(replaced.settled)) copy = std::move(*replaced.settled);
+    replaced = {};
+    copy = *settled;
+    return inactive::composed(std::move(copy), cross.all(), kept, blocks);
+  };
+  settling_ = std::async(std::launch::async | std::launch::deferred, std::move(settle)).share();
 }
 
 void InactiveStore::endSettling() {
@@ -206,7 +202,7 @@ double InactiveStore::settlingCost() const {
         (left * (end + left + size + later) + of(block.origin->cols()) * (left + size + later + end + begin));
     later += left;
   }
-  const double old = of(settled_->rows());
+  const double old = of(settled_->left());
   return cost + begin * old * (old + 2.0 * (size + later + begin));
 }
 

@@ -217,7 +217,7 @@ void InactiveStore::adopt(std::vector<InactiveVariable> variables, const Eigen::
   for (const InactiveVariable& variable : variables) {
     if (!serials_.emplace(variable.handle, ++last_serial_).second)
       throw std::logic_error("variable " + std::to_string(variable.handle) + " is given twice");
-    settled_->first.push_back(settled_->rows() + variable.mean.size());
+    settled_->first.push_back(settled_->left() + variable.mean.size());
   }
   variables_ = std::move(variables);
   last_serial_ += kDeactivatedElsewhere;

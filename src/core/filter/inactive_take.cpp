@@ -32,15 +32,39 @@ struct Division {
 
 namespace {
 
-/// The block with those that are carried among its first errors, and those that go among its last. They are
-/// carried to its end, and the ones that go are from there on.
+/// The errors that a part gets at its end: those that are carried through it, then those that go. In terms of
+/// its first ones ((m + t) x n0), and their covariance with those that stay ((m + t) x k).
+struct Added {
+  Eigen::MatrixXd origin, cross;
+};
+
+/// Of a part whose d are `origin` in terms of its first errors, of covariance `own`; `cross` (n x t) is that
+/// of the active errors with those that go. Those that are carried pass it, and the ones that go join them.
+template <class Pass>
+Added addedBy(Carried& carried, const Division& division, const Eigen::MatrixXd& origin,
+              const Eigen::MatrixXd& own, const Eigen::MatrixXd& cross, const Pass& pass) {
+  const Eigen::Index n0 = origin.cols(), m = carried.rows(), t = cross.cols();
+  const Eigen::MatrixXd of_gone = rowsOf(origin, division.gone), own_gone = rowsOf(own, division.gone);
+  Added added{Eigen::MatrixXd(m + t, n0), Eigen::MatrixXd(m + t, own.cols() - t)};
+  added.origin.bottomRows(t) = of_gone;
+  added.cross.bottomRows(t) = columnsOf(own_gone, division.kept);
+  Eigen::MatrixXd with_carried(t, m);
+  if (m > 0) {
+    const Eigen::MatrixXd C = carried.cross.topRows(n0);
+    added.cross.topRows(m).noalias() = (rowsOf(origin, division.kept) * C).transpose();
+    with_carried.noalias() = of_gone * C;
+    added.origin.topRows(m) = -pass(carried).transpose();
+  }
+  carried.join(cross, with_carried, columnsOf(own_gone, division.gone));
+  return added;
+}
+
+/// The block with those that are carried among its first errors, and those that go among its last.
 Block extended(Block block, Carried& carried, const Division& division) {
-  const Eigen::Index n0 = block.passage->F.cols(), m = carried.rows();
-  const auto t = static_cast<Eigen::Index>(division.gone.size());
-  const Eigen::MatrixXd cross = block.cross.columns(division.gone);
-  const Eigen::MatrixXd origin = rowsOf(*block.origin, division.gone);
-  const Eigen::MatrixXd own = rowsOf(*block.own, division.gone);
-  if (t > 0) {
+  const Eigen::Index m = carried.rows();
+  Added added = addedBy(carried, division, *block.origin, *block.own, block.cross.columns(division.gone),
+                        [&block](Carried& passing) { return block.pass(passing); });
+  if (!division.gone.empty()) {
     StackedRows of_kept;
     of_kept.push(columnsOf(block.cross.all(), division.kept));
     block.cross = std::move(of_kept);
@@ -49,19 +73,9 @@ Block extended(Block block, Carried& carried, const Division& division) {
     block.own =
         std::make_shared<const Eigen::MatrixXd>(columnsOf(rowsOf(*block.own, division.kept), division.kept));
   }
-  Eigen::MatrixXd added(m + t, n0), added_cross(m + t, block.left()), with_carried(t, m);
-  added.bottomRows(t) = origin;
-  added_cross.bottomRows(t) = columnsOf(own, division.kept);
-  if (m > 0) {
-    const Eigen::MatrixXd C = carried.cross.topRows(n0);
-    added_cross.topRows(m).noalias() = (*block.origin * C).transpose();
-    with_carried.noalias() = origin * C;
-    added.topRows(m) = -block.pass(carried).transpose();
-  }
   for (Eigen::Index i = 0; i < m; ++i) block.through.push_back(block.added.rows() + i);
-  block.added.push(std::move(added));
-  block.cross.push(std::move(added_cross));
-  carried.join(cross, with_carried, columnsOf(own, division.gone));
+  block.added.push(std::move(added.origin));
+  block.cross.push(std::move(added.cross));
   return block;
 }
 
@@ -86,22 +100,17 @@ void InactiveStore::takeInOpen(inactive::Carried& carried, const inactive::Divis
   const Eigen::MatrixXd cross = open_.F.block(0, n0, n, left);
   const Eigen::MatrixXd learned_here = open_.information.block(n0, 0, left, n0);
   const Eigen::MatrixXd learned_own = open_.information.block(n0, n0, left, left);
-  const Eigen::MatrixXd own = ownNow(), origin = originNow(), of_gone = rowsOf(origin, gone);
-  const Eigen::MatrixXd C = carried.cross;
   const Eigen::VectorXd moved = open_.correction.segment(n0, left);
-  Eigen::MatrixXd with_carried(t, m);
-  if (m > 0) with_carried.noalias() = of_gone * C;
-  const Eigen::MatrixXd learned = m > 0 ? passOpen(carried) : Eigen::MatrixXd(n0, 0);
-
+  const inactive::Added added =
+      inactive::addedBy(carried, division, originNow(), ownNow(), columnsOf(cross, gone),
+                        [this](inactive::Carried& passing) { return passOpen(passing); });
   inactive::grow(open_.F, n + m + t, n1 + k);
   auto F = open_.F.topLeftCorner(n + m + t, n1 + k);
   F.middleCols(n0, m).setZero();
   F.block(n, n0, m, m).setIdentity();
-  F.block(0, n1, n, k) = columnsOf(cross, kept);
-  F.block(n, 0, m, n0) = -learned.transpose();
-  if (m > 0) F.block(n, n1, m, k).noalias() = (rowsOf(origin, kept) * C).transpose();
-  F.bottomLeftCorner(t, n0) = of_gone;
-  F.bottomRightCorner(t, k) = columnsOf(rowsOf(own, gone), kept);
+  F.topRightCorner(n, k) = columnsOf(cross, kept);
+  F.bottomLeftCorner(m + t, n0) = added.origin;
+  F.bottomRightCorner(m + t, k) = added.cross;
   inactive::grow(open_.information, n1 + k, n1 + k);
   auto information = open_.information.topLeftCorner(n1 + k, n1 + k);
   information.bottomRows(m + k).setZero();
@@ -117,7 +126,6 @@ void InactiveStore::takeInOpen(inactive::Carried& carried, const inactive::Divis
   open_.first = division.kept_first;
   open_.begin = n1;
   rows_ += m + t;
-  carried.join(columnsOf(cross, gone), with_carried, columnsOf(rowsOf(own, gone), gone));
   carried.moved.tail(t) = rowsOf(moved, gone);
 }
 

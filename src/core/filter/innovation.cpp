@@ -47,24 +47,24 @@ Innovation::Innovation(const Eigen::Ref<const Eigen::MatrixXd>& P,
   PHt_.resize(P.rows(), rows());
   for (std::size_t i = 0; i < measurements_.size(); ++i) {
     const LinearMeasurement& z = measurements_[i];
-    auto columns = PHt_.middleCols(first_[i], z.rows());
     bool begun = false;
+    const auto add = [&begun](auto columns, const auto& product) {
+      if (begun)
+        columns.noalias() += product;
+      else
+        columns.noalias() = product;
+      begun = true;
+    };
     for (const LinearMeasurement::Term& term : z) {
       if (term.H.rows() == 3 && term.H.cols() == 3) {
         const Eigen::Matrix3d Ht = term.H.transpose();
-        auto three = PHt_.middleCols<3>(first_[i]);
-        if (begun)
-          three.noalias() += P.middleCols<3>(term.column).lazyProduct(Ht);
-        else
-          three.noalias() = P.middleCols<3>(term.column).lazyProduct(Ht);
-      } else if (begun) {
-        columns.noalias() += P.middleCols(term.column, term.H.cols()) * term.H.transpose();
+        add(PHt_.middleCols<3>(first_[i]), P.middleCols<3>(term.column).lazyProduct(Ht));
       } else {
-        columns.noalias() = P.middleCols(term.column, term.H.cols()) * term.H.transpose();
+        add(PHt_.middleCols(first_[i], z.rows()),
+            P.middleCols(term.column, term.H.cols()) * term.H.transpose());
       }
-      begun = true;
     }
-    if (!begun) columns.setZero();
+    if (!begun) PHt_.middleCols(first_[i], z.rows()).setZero();
   }
   S_.resize(rows(), rows());
   const bool are_direct =

@@ -16,26 +16,6 @@ void forEachPart(Eigen::Index row, Eigen::Index rows, Eigen::Index panel_rows, c
   }
 }
 
-/// Rows that stay beside each other, and lie in one panel.
-struct Run {
-  Eigen::Index from, to, rows;
-};
-
-/// Of the rows that become [first, end).
-std::vector<Run> runsOf(const std::vector<Eigen::Index>& kept, Eigen::Index first, Eigen::Index end,
-                        Eigen::Index panel_rows) {
-  std::vector<Run> runs;
-  for (Eigen::Index row = first; row < end; ++row) {
-    const Eigen::Index from = kept[static_cast<std::size_t>(row)];
-    if (!runs.empty() && from == runs.back().from + runs.back().rows && from % panel_rows != 0) {
-      ++runs.back().rows;
-    } else {
-      runs.push_back({from, row, 1});
-    }
-  }
-  return runs;
-}
-
 } // namespace
 
 SymmetricPanels::SymmetricPanels(const Eigen::MatrixXd& matrix) {
@@ -60,22 +40,10 @@ void SymmetricPanels::keep(const std::vector<Eigen::Index>& kept) {
   const auto count = static_cast<Eigen::Index>(kept.size());
   Eigen::Index same = 0; // rows that stay where they are
   while (same < count && kept[static_cast<std::size_t>(same)] == same) ++same;
-  for (Eigen::Index first = same; first < count;) {
-    const auto to = static_cast<std::size_t>(first / kPanel);
-    const Eigen::Index end = std::min(count, firstOf(to) + kPanel);
-    const std::vector<Run> runs = runsOf(kept, first, end, kPanel);
-    for (Eigen::Index column = 0; column < end; ++column) {
-      const Eigen::Index from_column = kept[static_cast<std::size_t>(column)];
-      for (const Run& run : runs) {
-        const Eigen::Index skipped = std::max<Eigen::Index>(column - run.to, 0), rows = run.rows - skipped;
-        if (rows <= 0) continue;
-        const Eigen::Index from = run.from + skipped;
-        const auto source = panels_[static_cast<std::size_t>(from / kPanel)].col(from_column);
-        const double* begin = source.data() + from % kPanel;
-        std::copy(begin, begin + rows, panels_[to].col(column).data() + (run.to + skipped - firstOf(to)));
-      }
-    }
-    first = end;
+  for (Eigen::Index column = 0; column < count; ++column) {
+    const Eigen::Index from_column = kept[static_cast<std::size_t>(column)];
+    for (Eigen::Index row = std::max(same, column); row < count; ++row)
+      at(row, column) = at(kept[static_cast<std::size_t>(row)], from_column);
   }
   resize(count);
 }

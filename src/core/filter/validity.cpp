@@ -1,7 +1,6 @@
 #include "vi_ekf_slam/core/filter/validity.hpp"
 
-#include <Eigen/Cholesky>
-#include <cmath>
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -25,11 +24,7 @@ bool isValid(const Filter& filter, bool thoroughly) {
   }
   if (!thoroughly) return true;
   if (!P.diagonal().allFinite() || !(P.diagonal().array() >= 0.0).all()) return false;
-  const Eigen::VectorXd scale =
-      core.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
-  Eigen::MatrixXd correlation = scale.asDiagonal() * core * scale.asDiagonal();
-  correlation.diagonal().setConstant(1.0 + kNegligible);
-  return Eigen::LLT<Eigen::MatrixXd>(correlation).info() == Eigen::Success;
+  return isPositiveSemidefinite(core, kNegligible);
 }
 
 } // namespace vi_ekf_slam

@@ -58,6 +58,11 @@ std::optional<Handle> Variables::find(const std::string& name) const {
   return std::nullopt;
 }
 
+bool Variables::isLevel() const {
+  return std::any_of(order_.begin(), order_.end(),
+                     [this](Handle h) { return slots_[h].chart == Chart::kWorldVector; });
+}
+
 void Variables::restore(Handle handle, const Eigen::VectorXd& mean) {
   const Eigen::Index size = mean.size();
   if (rows_ + size > mean_.size()) mean_.conservativeResize(2 * (rows_ + size));
@@ -103,11 +108,9 @@ Variables::Gone Variables::remove(Handle handle, Fate fate) {
 bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen::Index rows,
                            const Eigen::Vector3d& seen_turn) const {
   double in_body = 0.0, in_world = 0.0;
-  bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;
-    is_level = is_level || slot.chart == Chart::kWorldVector;
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = mean_.segment<3>(slot.row) - pose_.translation();
     const Eigen::Vector3d y = error.segment<3>(slot.row) + seen_turn.cross(way);
@@ -116,7 +119,7 @@ bool Variables::goWithBody(const Eigen::Ref<const Eigen::VectorXd>& error, Eigen
     in_body += way.cross(y).squaredNorm() / (distance2 * distance2);
     in_world += way.cross(d).squaredNorm() / (distance2 * distance2);
   }
-  return is_level && in_body < in_world;
+  return isLevel() && in_body < in_world;
 }
 
 /// By which a correction turns the points in view as one about the body, the least squares of their angles:
@@ -157,7 +160,6 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
   const Eigen::Vector3d before = pose_.translation(), now = before + error.head<3>();
   const Eigen::Matrix3d body_turn = pose_.rotation().transpose() * turn.transpose() * pose_.rotation();
   pose_ = SE3(turn * pose_.rotation(), now).normalized();
-  bool is_level = false;
   for (const Handle handle : order_) {
     const Slot& slot = slots_[handle];
     if (slot.row >= rows) break;
@@ -171,7 +173,6 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
     if (slot.chart == Chart::kWorldVector) {
       x = turn * (x + e).eval();
       reexpressed.push_back({slot.row, turn});
-      is_level = true;
     }
     if (slot.chart != Chart::kPoint) continue;
     const Eigen::Vector3d way = x - before;
@@ -197,7 +198,7 @@ std::vector<Variables::Reexpressed> Variables::retract(const Eigen::Ref<const Ei
     else
       reexpressed.push_back({slot.row, turn});
   }
-  if (is_level) reexpressed.push_back({3, leftOfTurn(error.segment<3>(3))});
+  if (isLevel()) reexpressed.push_back({3, leftOfTurn(error.segment<3>(3))});
   return reexpressed;
 }
 

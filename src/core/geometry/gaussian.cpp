@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 
 #include <Eigen/Cholesky>
+#include <cmath>
 #include <limits>
 
 namespace vi_ekf_slam {
@@ -37,6 +38,21 @@ double squaredMahalanobis(const Vector6d& e, const Matrix6d& S) { return e.dot(s
 
 bool isPositiveDefinite(const Eigen::Matrix3d& S) {
   return S.allFinite() && S.llt().info() == Eigen::Success;
+}
+
+/// By its correlations, in whose units all pivots are alike.
+bool isPositiveSemidefinite(const Eigen::Ref<const Eigen::MatrixXd>& S, double rounding) {
+  const Eigen::VectorXd scale =
+      S.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
+  Eigen::MatrixXd correlation(S.rows(), S.cols());
+  for (Eigen::Index column = 0; column < S.cols(); ++column) {
+    const Eigen::Index below = S.rows() - column;
+    correlation.col(column).tail(below) =
+        scale[column] * scale.tail(below).cwiseProduct(S.col(column).tail(below));
+  }
+  correlation.diagonal().setConstant(1.0 + rounding);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(correlation); // in its place
+  return llt.info() == Eigen::Success;
 }
 
 } // namespace vi_ekf_slam

@@ -53,6 +53,13 @@ std::optional<SE3> fit(const std::vector<Weighted>& points, const Indices& chose
   return SE3(R, c + t - R * c).normalized();
 }
 
+std::vector<Weighted> weightedOf(const std::vector<Displaced>& points) {
+  std::vector<Weighted> weighted;
+  for (const Displaced& point : points)
+    weighted.push_back({point, solvePositive(point.covariance, Eigen::Matrix3d::Identity().eval())});
+  return weighted;
+}
+
 Indices agreeingWith(const std::vector<Weighted>& points, const SE3& motion) {
   Indices indices;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -65,22 +72,14 @@ Indices agreeingWith(const std::vector<Weighted>& points, const SE3& motion) {
 } // namespace
 
 std::vector<std::size_t> agreeing(const std::vector<Displaced>& points, const SE3& motion) {
-  std::vector<std::size_t> indices;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Eigen::Vector3d residual = points[i].expected - motion * points[i].seen;
-    if (squaredMahalanobis(residual, points[i].covariance) < kBound) indices.push_back(i);
-  }
-  return indices;
+  return agreeingWith(weightedOf(points), motion);
 }
 
 std::optional<SE3> commonMotion(const std::vector<Displaced>& points, double share) {
   const std::size_t enough =
       std::max(kFewest, static_cast<std::size_t>(std::ceil(share * static_cast<double>(points.size()))));
   if (points.size() < enough) return std::nullopt;
-  std::vector<Weighted> weighted;
-  for (const Displaced& point : points) {
-    weighted.push_back({point, solvePositive(point.covariance, Eigen::Matrix3d::Identity().eval())});
-  }
+  const std::vector<Weighted> weighted = weightedOf(points);
   // The nearer half decides: distant points know nothing of a shift.
   Indices order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});

@@ -42,18 +42,14 @@ PathNode PoseClones::nodeOf(const Filter& filter, Stamp now) const {
 }
 
 void PoseClones::append(Filter& filter, Stamp now) {
-  noteSoon(filter);
+  if (!clones_.empty()) {
+    filter.settle();
+    Clone& last = clones_.back();
+    last.node.covariance_soon = filter.inactive().related(last.variable).estimate.covariance;
+  }
   const PathNode node = nodeOf(filter, now);
   follows_ = true;
   clones_.push_back({filter.clonePose(), node, filter.pose().rotation()});
-}
-
-/// The last clone is about to get a successor.
-void PoseClones::noteSoon(Filter& filter) {
-  if (clones_.empty()) return;
-  filter.settle();
-  Clone& last = clones_.back();
-  last.node.covariance_soon = filter.inactive().related(last.variable).estimate.covariance;
 }
 
 /// Means of a clone are its position, and how it was turned since.

@@ -1,11 +1,11 @@
 #include "vi_ekf_slam/core/map/saved_map.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <unordered_set>
 
+#include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 
 namespace vi_ekf_slam {
@@ -77,22 +77,6 @@ void validateEntries(const Eigen::MatrixXd& P, const std::string& source) {
   }
 }
 
-void validateDefinite(const Eigen::MatrixXd& P, const std::string& source) {
-  const Eigen::VectorXd scale =
-      P.diagonal().unaryExpr([](double v) { return v > 0.0 ? 1.0 / std::sqrt(v) : 0.0; });
-  Eigen::MatrixXd correlation(P.rows(), P.cols());
-  for (Eigen::Index column = 0; column < P.cols(); ++column) {
-    const Eigen::Index below = P.rows() - column;
-    correlation.col(column).tail(below) =
-        scale[column] * scale.tail(below).cwiseProduct(P.col(column).tail(below));
-  }
-  correlation.diagonal().setConstant(1.0 + kCorrelationRounding);
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(correlation);
-  if (llt.info() != Eigen::Success)
-    refuse(source, "covariance", "not positive semidefinite",
-           "a covariance: symmetric, positive semidefinite");
-}
-
 } // namespace
 
 void refuse(const std::string& source, const std::string& field, const std::string& value,
@@ -144,7 +128,9 @@ void validate(const SavedMap& map, const std::string& source) {
            std::to_string(rows) + " x " + std::to_string(rows) + " for its variables and landmarks");
   }
   validateEntries(map.covariance, source);
-  validateDefinite(map.covariance, source);
+  if (!isPositiveSemidefinite(map.covariance, kCorrelationRounding))
+    refuse(source, "covariance", "not positive semidefinite",
+           "a covariance: symmetric, positive semidefinite");
 }
 
 } // namespace vi_ekf_slam

@@ -10,8 +10,7 @@ Eigen::Index rowOf(std::size_t landmark) { return 6 + 3 * static_cast<Eigen::Ind
 
 } // namespace
 
-FrameReport LandmarkFilter::updateFrom(const SE3& imu_T_world, const StereoRig& rig,
-                                       const StereoFrame& frame) {
+FrameReport LandmarkFilter::update(const StereoRig& rig, const SE3& imu_T_world, const StereoFrame& frame) {
   FrameReport report(frame);
   std::vector<Match> matches;
   std::vector<const StereoFeatureObservation*> unknown;

@@ -159,7 +159,7 @@ void InvariantEstimator::checkpoint(bool thoroughly) {
 void InvariantEstimator::guessTwistOf(const StereoFrame& frame) {
   const double dt = model_ && stamp_ ? secondsBetween(*stamp_, frame.stamp) : 0.0;
   if (dt <= 0.0 || dt > kTrackedGap) return;
-  guessTwist(filter_, config_.update, *model_, *motion_, map_.landmarks(), frame, dt,
+  guessTwist(filter_, FrameUpdate(config_.update, *model_, *motion_), map_.landmarks(), frame, dt,
              [&](Filter& filter) { propagate(filter, imu_, *stamp_, frame.stamp); });
 }
 
@@ -212,22 +212,21 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   report.nis_dof = outcome.nis_dof;
   const Divergence divergence = recovery_.judge(filter_, landmarks, *model_, frame, seen.known, outcome);
   const auto last = last_frame_ ? std::make_optional(last_frame_->stamp) : std::nullopt;
-  if (divergence != Divergence::kNone ||
-      (outcome.skipped && !tracks_.believesMap(filter_, *model_, frame, seen, last))) {
-    // Nothing speaks against these features but a local map that is not believed.
+  const bool begins = divergence != Divergence::kNone ||
+                      (outcome.skipped && !tracks_.believesMap(filter_, *model_, frame, seen, last));
+  if (!begins && outcome.skipped) return; // which leaves the local map as it is
+  tracks_.noteUse(frame.stamp);
+  recovery_.useFrame();
+  if (begins) {
     report.removed += landmarks.active().size();
     map_.loseAll(filter_);
-    tracks_.restart(frame.stamp);
-    recovery_.useFrame();
-    map_.addPose(filter_, frame.stamp);
-    initialise(frame, usable.features, report);
-  } else if (!outcome.skipped) {
-    tracks_.noteUse(frame.stamp);
-    recovery_.useFrame();
+    tracks_.clear();
+  } else {
     updateTracks(frame, seen, outcome, report);
-    map_.addPose(filter_, frame.stamp);
-    initialise(frame, seen.unknown, report);
-  } // a skipped frame leaves the local map as it is
+  }
+  map_.addPose(filter_, frame.stamp);
+  // Nothing speaks against all of them but a local map that is not believed.
+  initialise(frame, begins ? usable.features : seen.unknown, report);
 }
 
 /// Rejected tracks contradict the static world (a car, a track that slides): they leave the map for good,

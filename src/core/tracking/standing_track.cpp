@@ -20,8 +20,7 @@ double StandingTrack::distanceTo(const Filter& filter, const StereoModel::Triang
   transport.topRightCorner<3, 3>() = -so3::hat(p - body_);
   const Matrix6d motion =
       filter.covariance().topLeftCorner<6, 6>() - transport * pose_covariance_ * transport.transpose();
-  Eigen::Matrix<double, 3, 6> J;
-  J << Eigen::Matrix3d::Identity(), -so3::hat(seen.position - p);
+  const Eigen::Matrix<double, 3, 6> J = se3::pointJacobian(seen.position - p);
   const Eigen::Matrix3d S = noise_ + seen.noise + J * motion * J.transpose();
   return squaredMahalanobis(Eigen::Vector3d(seen.position - position_), S);
 }

@@ -8,11 +8,11 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr double kBadFrames = 0.15; // s, for which frames that contradict the local map say nothing else
-constexpr double kTrusted =
-    1.0; // s, for which the local map is believed against frames that only contradict it
+// s, for which the local map is believed against frames that only contradict it.
+constexpr double kTrusted = 1.0;
 // s, for which a rejected track must be seen in one place: a car would have gone on by several metres.
 constexpr double kProbation = 2.0;
-constexpr double kSameView = 3.665;   // 70 %: of most points of one view
+constexpr double kSameView = 3.665; // 70 %: of most points of one view
 constexpr double kMostOfView = 0.5;
 
 } // namespace
@@ -63,11 +63,6 @@ bool TrackStatus::hasStood(const Filter& filter, const StereoModel& model, const
 void TrackStatus::noteUse(Stamp frame) {
   last_used_ = frame;
   skipped_.clear();
-}
-
-void TrackStatus::restart(Stamp frame) {
-  clear();
-  last_used_ = frame;
 }
 
 void TrackStatus::clear() {

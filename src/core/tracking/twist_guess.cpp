@@ -15,25 +15,22 @@ constexpr int kGuesses = 4;     // a guess is off by the square of what the one 
 
 } // namespace
 
-void guessTwist(Filter& filter, const FrameUpdate::Options& options, const StereoModel& model,
-                const MotionModel& motion, const LandmarkMap& map, const StereoFrame& frame, double seconds,
-                const std::function<void(Filter&)>& ahead) {
-  const auto known = motion.twistAsVariable();
+void guessTwist(Filter& filter, const FrameUpdate& update, const LandmarkMap& map, const StereoFrame& frame,
+                double seconds, const std::function<void(Filter&)>& ahead) {
+  const auto known = update.motion().twistAsVariable();
   if (!known || map.active().empty()) return;
   const Eigen::VectorXd variances = filter.covariance(*known).diagonal();
   if (!(seconds * std::sqrt(variances.head<3>().maxCoeff()) > kLinearWay)) return;
   std::vector<std::size_t> usable;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
-    if (model.isUsable(frame.features[i].pixels, frame.features[i].sigma)) usable.push_back(i);
+    if (update.model().isUsable(frame.features[i].pixels, frame.features[i].sigma)) usable.push_back(i);
   }
   for (int i = 0; i < kGuesses; ++i) {
     Filter there = filter;
     ahead(there);
     there.settle();
-    Associations seen = associate(there, map, model, frame, usable);
-    if (seen.measurements.empty() ||
-        FrameUpdate(options, model, motion).apply(there, std::move(seen.measurements)).skipped)
-      return;
+    Associations seen = associate(there, map, update.model(), frame, usable);
+    if (seen.measurements.empty() || update.apply(there, std::move(seen.measurements)).skipped) return;
     const Vector6d told = there.variables().mean(*known), before = filter.variables().mean(*known);
     filter.setMean(*known, told);
     if (seconds * (told - before).head<3>().norm() < kFound) return;

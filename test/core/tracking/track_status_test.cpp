@@ -64,7 +64,8 @@ TEST_F(TrackStatusTest, BelievesTheMapAgainstOneFrameAndAgainstNonsenseForASecon
   EXPECT_FALSE(believes(0.1, 0.0)); // there is none yet
   status_.noteUse(fromSeconds(0.2));
   EXPECT_TRUE(believes(0.3, 0.2));
-  status_.restart(fromSeconds(1.0));
+  status_.clear();
+  status_.noteUse(fromSeconds(1.0));
   EXPECT_FALSE(believes(2.1, 2.0));
 }
 

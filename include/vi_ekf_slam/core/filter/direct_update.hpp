@@ -44,11 +44,6 @@ class DirectUpdate {
     Eigen::Matrix3d noise;                       ///< R
     std::vector<LinearMeasurement::Term> others; ///< G, by J^-1
   };
-  struct Rest {
-    Eigen::MatrixXd own;   ///< covariance of the errors that are not measured
-    Eigen::MatrixXd cross; ///< with those that are
-  };
-
   /// What `points` make of it, by measurement.
   struct Moved {
     struct Others {
@@ -63,7 +58,6 @@ class DirectUpdate {
 
   DirectUpdate(const Innovation& in, std::vector<Seen> seen, std::vector<Eigen::Index> rest);
   Moved movedBy(const std::vector<Variables::Reexpressed>& points) const;
-  Rest correctRest(const Eigen::Ref<const Eigen::MatrixXd>& P, const std::vector<Eigen::Matrix3d>& A) const;
 
   std::vector<Seen> seen_;
   std::vector<Eigen::Index> rest_; ///< rows

@@ -45,9 +45,7 @@ class Filter {
   Eigen::Index coreRows() const { return core_rows_; }
   /// rows() square, symmetric.
   auto covariance() const { return covariance_.topLeftCorner(rows(), rows()); }
-  /// Whether gravity acts on it, whose direction is the world's: a core variable is a velocity in the world.
-  /// Then only where it is and its heading are free.
-  bool isLevel() const;
+  bool isLevel() const { return variables_.isLevel(); }
   /// Of two variables' errors.
   Eigen::MatrixXd covariance(Handle a, Handle b) const;
   Eigen::MatrixXd covariance(Handle a) const { return covariance(a, a); }
@@ -96,9 +94,13 @@ class Filter {
   void endSettlingInactive() { inactive_.endSettling(); }
 
   /// A core variable's mean is what it is now, and unknown but for `covariance`, as if it were new.
-  void reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance);
+  void reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+    makeIndependent(rowOf(handle), covariance);
+  }
   /// This coordinate of the pose's error is none: the world is where it makes it so. Known to `variance`.
-  void fixPose(Eigen::Index row, double variance);
+  void fixPose(Eigen::Index row, double variance) {
+    makeIndependent(row, Eigen::Matrix<double, 1, 1>(variance));
+  }
   /// Another world frame: all is at to_T_world of where it was. Throws std::logic_error where variables are
   /// inactive.
   void moveWorld(const SE3& to_T_world);

@@ -23,12 +23,16 @@ struct InactiveVariable {
 /// Of what InactiveStore is made. Variables are in the order in which they left.
 namespace inactive {
 
-/// Those for which nothing is deferred from before the first block.
-struct Settled {
+/// Some that left, one behind the other: where the rows of each begin, and how many there are.
+struct Departed {
   std::vector<Eigen::Index> first{0};
-  SymmetricPanels covariance;
-  Eigen::Index rows() const { return first.back(); }
+  Eigen::Index left() const { return first.back(); }
   std::size_t count() const { return first.size() - 1; }
+};
+
+/// Those for which nothing is deferred from before the first block.
+struct Settled : Departed {
+  SymmetricPanels covariance;
 };
 
 /// A matrix that gets rows at its end. Those that it has are not copied then, and shared by its copies.
@@ -80,7 +84,7 @@ struct Carried {
 /// first errors. Those are x0, of n0 rows, and `through`, which were taken back since and were carried
 /// through it; the errors at its end are x, of n rows, and `added`: they and the ones that left in it and
 /// were taken back, in the order of taking. What does not change when more are taken is shared by copies.
-struct Block {
+struct Block : Departed {
   struct Passage {
     Eigen::MatrixXd F;           ///< n x n0: x in terms of x0
     Eigen::MatrixXd information; ///< n0 square: Omega, sum of (H F)^T S^-1 (H F)
@@ -90,36 +94,35 @@ struct Block {
   StackedRows added;                 ///< a x n0: in terms of x0, but for themselves
   std::vector<Eigen::Index> through; ///< which rows of those are first errors too
 
-  std::vector<Eigen::Index> first{0};            ///< of those that left, and how many rows there are
   StackedRows cross;                             ///< (n + a) x k: P_xd of those that left, at the end
   std::shared_ptr<const Eigen::MatrixXd> origin; ///< k x n0: d in terms of x0, at the end
   std::shared_ptr<const Eigen::MatrixXd> own;    ///< k x k: covariance of d at the end
 
-  Eigen::Index left() const { return first.back(); }
-  std::size_t count() const { return first.size() - 1; }
   Eigen::Index atBegin() const { return passage->F.cols() + static_cast<Eigen::Index>(through.size()); }
   Eigen::Index atEnd() const { return passage->F.rows() + added.rows(); }
   /// A (r x atEnd) in terms of the first errors (r x atBegin).
   Eigen::MatrixXd back(const Eigen::Ref<const Eigen::MatrixXd>& A) const;
   /// Through it. Omega C of x0 (n0 x m).
   Eigen::MatrixXd pass(Carried& carried) const;
-  /// Omega and psi of all first errors.
-  Eigen::MatrixXd information() const;
-  Eigen::VectorXd correction() const;
   std::size_t bytes() const;
+};
+
+/// What has happened since the end of a block to those that left in it or before: Omega and psi.
+struct Since {
+  Eigen::MatrixXd information; ///< empty: it is not asked for
+  Eigen::VectorXd correction;
+  /// From the end of a block to its beginning.
+  void goBack(const Block& block);
 };
 
 /// The block under way. Its information (lower triangle) and correction are those of all its columns, origin
 /// and own of when each left.
-struct OpenBlock {
-  Eigen::Index begin = 0;             ///< n0, size of x0
-  std::vector<Eigen::Index> first{0}; ///< of those that left, and how many rows there are
-  Eigen::MatrixXd F;                  ///< n x (n0 + k): x in terms of x0, and P_xd of those that left
+struct OpenBlock : Departed {
+  Eigen::Index begin = 0; ///< n0, size of x0
+  Eigen::MatrixXd F;      ///< n x (n0 + k): x in terms of x0, and P_xd of those that left
   Eigen::MatrixXd information;
   Eigen::VectorXd correction;
   Eigen::MatrixXd origin, own;
-  Eigen::Index left() const { return first.back(); }
-  std::size_t count() const { return first.size() - 1; }
 };
 
 /// Of those that left in a part, the ones that are taken and those that stay.

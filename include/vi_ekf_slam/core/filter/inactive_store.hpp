@@ -124,7 +124,7 @@ class InactiveStore {
   /// As estimates().
   const std::vector<InactiveVariable>& variables() const { return variables_; }
   Eigen::Index rowOf(std::size_t index) const { return settled_->first[index]; }
-  Eigen::Index rows() const { return settled_->rows(); }
+  Eigen::Index rows() const { return settled_->left(); }
   /// Of the errors d.
   const SymmetricPanels& covariance() const { return settled_->covariance; }
   /// Of the active errors with d (n x N).

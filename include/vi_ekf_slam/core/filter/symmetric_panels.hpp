@@ -43,6 +43,10 @@ class SymmetricPanels {
 
   /// How many rows of a panel are in use.
   Eigen::Index heightOf(std::size_t panel) const;
+  /// In the lower triangle.
+  double& at(Eigen::Index row, Eigen::Index column) {
+    return panels_[static_cast<std::size_t>(row / kPanel)](row % kPanel, column);
+  }
   static Eigen::Index firstOf(std::size_t panel) { return static_cast<Eigen::Index>(panel) * kPanel; }
 
   Eigen::Index rows_ = 0;

@@ -99,6 +99,9 @@ class Variables {
 
   const SE3& pose() const { return pose_; }
   void setPose(const SE3& pose) { pose_ = pose; }
+  /// Whether gravity acts, whose direction is the world's: there is a velocity in the world. Then only where
+  /// the body is and its heading are free.
+  bool isLevel() const;
   /// Of any variable but the pose.
   auto mean(Handle handle) const { return mean_.segment(rowOf(handle), sizeOf(handle)); }
   auto mean(Handle handle) { return mean_.segment(rowOf(handle), sizeOf(handle)); }

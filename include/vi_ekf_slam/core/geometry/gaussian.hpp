@@ -32,5 +32,8 @@ double squaredMahalanobis(const Vector6d& e, const Matrix6d& S);
 
 /// Whether S is finite and its lower triangle that of a positive definite matrix.
 bool isPositiveDefinite(const Eigen::Matrix3d& S);
+/// Whether the lower triangle of S is that of a positive semidefinite matrix, but for `rounding` of the
+/// eigenvalues of its correlations.
+bool isPositiveSemidefinite(const Eigen::Ref<const Eigen::MatrixXd>& S, double rounding);
 
 } // namespace vi_ekf_slam

@@ -43,7 +43,6 @@ class PoseClones {
   PathNode nodeOf(const Filter& filter, Stamp now) const;
   void append(Filter& filter, Stamp now);
   PathNode moved(const Clone& clone, const InactiveStore::Estimate& estimate) const;
-  void noteSoon(Filter& filter);
 
   std::deque<Clone> clones_;
   std::vector<PathNode> archive_;

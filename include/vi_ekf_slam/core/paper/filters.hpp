@@ -24,9 +24,10 @@ class LandmarkFilter {
   explicit LandmarkFilter(const PaperConfig& config) : config_(config) {}
   ~LandmarkFilter() = default;
 
-  /// Corrects by the landmarks that are known, then initialises the new ones from the pose as it is by then.
-  /// A frame without a finite correction is rejected as a whole and changes nothing.
-  FrameReport updateFrom(const SE3& imu_T_world, const StereoRig& rig, const StereoFrame& frame);
+  /// Of a frame seen from this inverse pose: corrects by the landmarks that are known, then initialises the
+  /// new ones from the pose as it is by then. A frame without a finite correction is rejected as a whole and
+  /// changes nothing.
+  FrameReport update(const StereoRig& rig, const SE3& imu_T_world, const StereoFrame& frame);
 
   /// False, and nothing changed, where the numbers do not allow a finite correction.
   virtual bool correct(const std::vector<Match>& matches, FrameReport& report) = 0;
@@ -49,10 +50,7 @@ class LandmarkMapper final : public LandmarkFilter {
  public:
   explicit LandmarkMapper(const PaperConfig& config) : LandmarkFilter(config) {}
 
-  /// Updates with a frame seen from the given inverse pose.
-  FrameReport update(const StereoRig& rig, const SE3& imu_T_world, const StereoFrame& frame) {
-    return updateFrom(imu_T_world, rig, frame);
-  }
+  using LandmarkFilter::update;
 
  private:
   bool correct(const std::vector<Match>& matches, FrameReport& report) override;
@@ -72,7 +70,7 @@ class JointEkf final : public LandmarkFilter {
 
   /// Eq. 17 and 20 jointly.
   FrameReport update(const StereoRig& rig, const StereoFrame& frame) {
-    return updateFrom(imu_T_world_, rig, frame);
+    return LandmarkFilter::update(rig, imu_T_world_, frame);
   }
 
   const SE3& imuTWorld() const { return imu_T_world_; }

@@ -23,13 +23,11 @@ class PaperEstimator : public Estimator {
 
  private:
   void predictTo(Stamp stamp);
-  bool isJoint() const { return config_.mode == PaperMode::kSlam; }
 
   PaperConfig config_;
   DeadReckoning held_;    ///< the measured twist, each sample held until the next, and its clock
-  InversePose pose_;      ///< in the modes without a joint filter
   LandmarkMapper mapper_; ///< in mode mapping
-  JointEkf joint_;        ///< in mode slam
+  JointEkf joint_;        ///< the pose, and in mode slam the landmarks
   std::optional<StereoRig> rig_;
 };
 

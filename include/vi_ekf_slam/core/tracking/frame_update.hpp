@@ -62,6 +62,8 @@ class FrameUpdate {
 
   FrameUpdate(const Options& options, const StereoModel& model, const MotionModel& motion)
       : options_(options), model_(model), motion_(motion) {}
+  const StereoModel& model() const { return model_; }
+  const MotionModel& motion() const { return motion_; }
 
   /// `filter` is settled.
   FrameOutcome apply(Filter& filter, std::vector<LinearMeasurement> measurements) const;

@@ -27,10 +27,8 @@ class TrackStatus {
   bool isRejected(FeatureId id) const { return rejected_.count(id) != 0; }
   bool isSuspect(FeatureId id) const { return suspects_.count(id) != 0; }
 
-  /// The frame corrected the local map.
+  /// The frame corrected the local map, or began it.
   void noteUse(Stamp frame);
-  /// It began the local map.
-  void restart(Stamp frame);
   /// Nothing is known of any track.
   void clear();
 

@@ -10,8 +10,7 @@ namespace vi_ekf_slam {
 /// is metres off, and its correction far from linear. Iterated Kalman filter: `filter`, of the frame before,
 /// is to be predicted (`ahead`, by `seconds`) with the twist that the frame itself tells; what is known
 /// beforehand stays.
-void guessTwist(Filter& filter, const FrameUpdate::Options& options, const StereoModel& model,
-                const MotionModel& motion, const LandmarkMap& map, const StereoFrame& frame, double seconds,
-                const std::function<void(Filter&)>& ahead);
+void guessTwist(Filter& filter, const FrameUpdate& update, const LandmarkMap& map, const StereoFrame& frame,
+                double seconds, const std::function<void(Filter&)>& ahead);
 
 } // namespace vi_ekf_slam
