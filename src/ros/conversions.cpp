@@ -1,14 +1,11 @@
 #include "vi_ekf_slam/ros/conversions.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <unordered_set>
 
 namespace vi_ekf_slam::conversions {
 namespace {
-
-Eigen::Vector3d toEigen(const geometry_msgs::Vector3& v) { return {v.x, v.y, v.z}; }
 
 Rejection checkHeader(const std_msgs::Header& header, const std::string& frame) {
   if (header.stamp.isZero()) return Rejection::kZeroStamp;
@@ -20,13 +17,9 @@ Rejection checkHeader(const std_msgs::Header& header, const std::string& frame) 
 /// The 3x3 block at the top left of a row-major covariance with `stride` columns; nothing if it is all zero,
 /// which in ROS says "unknown".
 template <typename Array>
-std::optional<Eigen::Matrix3d> covarianceBlock(const Array& covariance, std::size_t stride) {
-  Eigen::Matrix3d block;
-  for (std::size_t row = 0; row < 3; ++row) {
-    for (std::size_t col = 0; col < 3; ++col) {
-      block(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(col)) = covariance[row * stride + col];
-    }
-  }
+std::optional<Eigen::Matrix3d> covarianceBlock(const Array& covariance, Eigen::Index stride) {
+  using Rows = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>, 0, Eigen::OuterStride<>>;
+  const Eigen::Matrix3d block = Rows(covariance.data(), Eigen::OuterStride<>(stride));
   if ((block.array() == 0.0).all()) return std::nullopt;
   return block;
 }
@@ -68,6 +61,13 @@ Stamp toStamp(const ros::Time& time) { return static_cast<Stamp>(time.toNSec());
 ros::Time toTime(Stamp stamp) {
   ros::Time time;
   return time.fromNSec(static_cast<std::uint64_t>(stamp));
+}
+
+std_msgs::Header toHeader(Stamp stamp, const std::string& frame_id) {
+  std_msgs::Header header;
+  header.stamp = toTime(stamp);
+  header.frame_id = frame_id;
+  return header;
 }
 
 Converted<ImuSample> toImu(const sensor_msgs::Imu& message, const std::string& imu_frame) {
@@ -139,8 +139,7 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
 
 StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_frame) {
   StereoFeatureArray message;
-  message.header.stamp = toTime(frame.stamp);
-  message.header.frame_id = left_frame;
+  message.header = toHeader(frame.stamp, left_frame);
   message.features.reserve(frame.features.size());
   for (const StereoFeatureObservation& f : frame.features) {
     StereoFeature feature;
@@ -157,13 +156,23 @@ StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_f
   return message;
 }
 
+Eigen::Vector3d toEigen(const geometry_msgs::Vector3& v) { return {v.x, v.y, v.z}; }
+Eigen::Vector3d toEigen(const geometry_msgs::Point& p) { return {p.x, p.y, p.z}; }
+Eigen::Quaterniond toEigen(const geometry_msgs::Quaternion& q) { return {q.w, q.x, q.y, q.z}; }
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
+  geometry_msgs::Point point;
+  point.x = p.x();
+  point.y = p.y();
+  point.z = p.z();
+  return point;
+}
+
 geometry_msgs::Pose toPose(const SE3& pose) {
   Eigen::Quaterniond q(pose.rotation());
   q.normalize();
   geometry_msgs::Pose message;
-  message.position.x = pose.translation().x();
-  message.position.y = pose.translation().y();
-  message.position.z = pose.translation().z();
+  message.position = toPoint(pose.translation());
   message.orientation.x = q.x();
   message.orientation.y = q.y();
   message.orientation.z = q.z();
@@ -172,17 +181,18 @@ geometry_msgs::Pose toPose(const SE3& pose) {
 }
 
 SE3 toSE3(const geometry_msgs::Transform& transform) {
-  const auto& r = transform.rotation;
-  return {Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized().toRotationMatrix(),
-          toEigen(transform.translation)};
+  return {toEigen(transform.rotation).normalized().toRotationMatrix(), toEigen(transform.translation)};
+}
+
+SE3 toSE3(const geometry_msgs::Pose& pose) {
+  return {toEigen(pose.orientation).normalized().toRotationMatrix(), toEigen(pose.position)};
 }
 
 geometry_msgs::TransformStamped toTransform(const SE3& parent_T_child, Stamp stamp, const std::string& parent,
                                             const std::string& child) {
   const geometry_msgs::Pose pose = toPose(parent_T_child);
   geometry_msgs::TransformStamped message;
-  message.header.stamp = toTime(stamp);
-  message.header.frame_id = parent;
+  message.header = toHeader(stamp, parent);
   message.child_frame_id = child;
   message.transform.translation.x = pose.position.x;
   message.transform.translation.y = pose.position.y;
@@ -194,8 +204,7 @@ geometry_msgs::TransformStamped toTransform(const SE3& parent_T_child, Stamp sta
 geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& state,
                                                        const std::string& map_frame) {
   geometry_msgs::PoseWithCovarianceStamped message;
-  message.header.stamp = toTime(state.stamp);
-  message.header.frame_id = map_frame;
+  message.header = toHeader(state.stamp, map_frame);
   message.pose.pose = toPose(state.world_T_imu);
   copyCovariance(state.pose_covariance, message.pose.covariance);
   return message;
@@ -203,8 +212,7 @@ geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& stat
 
 LoopClosure toMessage(const ClosedLoop& loop, const std::string& map_frame, const std::string& frame) {
   LoopClosure message;
-  message.header.stamp = toTime(loop.ends.now);
-  message.header.frame_id = map_frame;
+  message.header = toHeader(loop.ends.now, map_frame);
   message.before = toTime(loop.ends.before);
   message.child_frame_id = frame;
   message.pose.pose = toPose(loop.before_T_now);
@@ -216,8 +224,7 @@ LoopClosure toMessage(const ClosedLoop& loop, const std::string& map_frame, cons
 nav_msgs::Odometry toOdometry(const StateEstimate& state, const std::string& map_frame,
                               const std::string& imu_frame) {
   nav_msgs::Odometry message;
-  message.header.stamp = toTime(state.stamp);
-  message.header.frame_id = map_frame;
+  message.header = toHeader(state.stamp, map_frame);
   message.child_frame_id = imu_frame;
   message.pose.pose = toPose(state.world_T_imu);
   copyCovariance(state.pose_covariance, message.pose.covariance);

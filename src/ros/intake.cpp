@@ -13,6 +13,8 @@ using conversions::Rejection;
 
 namespace {
 
+constexpr std::size_t kMostReported = 20; // what writes another name each time is not to fill the memory
+
 constexpr std::size_t index(Stream stream) { return static_cast<std::size_t>(stream); }
 
 bool isUnsaid(const Eigen::Matrix3d& covariance, Eigen::Index axis) {
@@ -98,8 +100,8 @@ void Intake::learnImuFrame(const std::string& frame_id) {
 
 void Intake::takeCameraForBody() {
   if (!imu_frame_.empty() || rig_.leftFrame().empty() || !system_.needsRig() || !isCameraAlone()) return;
-  problems_.report("imu: none", "no message on " + topics_.imu + ": what moves is the left camera, '" +
-                                    rig_.leftFrame() + "'; ros/imu_frame may name another frame");
+  report("imu: none", "no message on " + topics_.imu + ": what moves is the left camera, '" +
+                          rig_.leftFrame() + "'; ros/imu_frame may name another frame");
   camera_is_body_ = true;
   learnImuFrame(rig_.leftFrame());
 }
@@ -108,8 +110,7 @@ void Intake::takeCameraForBody() {
 bool Intake::takeImuForBody(const std::string& imu_frame) {
   rig_.setImuFrame(imu_frame);
   if (!rig_.rig()) {
-    problems_.report("imu: " + imu_frame,
-                     "imu messages in '" + imu_frame + "' are not used: " + rig_.problem());
+    report("imu: " + imu_frame, "imu messages in '" + imu_frame + "' are not used: " + rig_.problem());
     rig_.setImuFrame(imu_frame_);
     return false;
   }
@@ -120,6 +121,10 @@ bool Intake::takeImuForBody(const std::string& imu_frame) {
   velocities_.setImuFrame(imu_frame_);
   camera_is_body_ = false;
   return true;
+}
+
+void Intake::report(const std::string& frame, const std::string& problem) {
+  if (reported_.size() < kMostReported && reported_.insert(frame).second && handler_) handler_(problem);
 }
 
 void Intake::turnAway(const char* input, Rejection rejection) {
@@ -168,7 +173,7 @@ void Intake::release(bool at_once) {
       const bool is_hopeless = velocities_.isImpossible(first.frame);
       if (may_wait_ && !at_once && !is_hopeless && !hasWaited(first)) return;
       may_wait_ = may_wait_ && is_hopeless;
-      problems_.report("velocity: " + first.frame, velocities_.problem(first.frame));
+      report("velocity: " + first.frame, velocities_.problem(first.frame));
       turnAway("velocity: no transform from its frame to the IMU's", 1);
     }
     Arrival arrival = std::move(waiting_.front());
@@ -187,11 +192,11 @@ void Intake::add(const sensor_msgs::Imu& message) {
   auto converted = conversions::toImu(message, camera_is_body_ ? std::string() : imu_frame_);
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
-      problems_.report("imu: " + message.header.frame_id,
-                       "imu messages in '" + message.header.frame_id + "' are not used: " +
-                           (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
-                                               : "the IMU's frame is '" + imu_frame_ +
-                                                     "', which ros/imu_frame or the first imu message said"));
+      report("imu: " + message.header.frame_id,
+             "imu messages in '" + message.header.frame_id + "' are not used: " +
+                 (imu_frame_.empty() ? std::string("header.frame_id must say the IMU's frame")
+                                     : "the IMU's frame is '" + imu_frame_ +
+                                           "', which ros/imu_frame or the first imu message said"));
     return turnAway("imu", converted.rejection);
   }
   if (converted.sample->covariance)
@@ -235,17 +240,16 @@ void Intake::add(const StereoFeatureArray& message) {
   auto converted = conversions::toFrame(message, rig_.leftFrame());
   if (!converted.sample) {
     if (converted.rejection == Rejection::kWrongFrame)
-      problems_.report(
-          "features: " + message.header.frame_id,
-          "features in '" + message.header.frame_id + "' are not used: " +
-              (rig_.leftFrame().empty() ? std::string("header.frame_id must say the left camera's frame")
-                                        : topics_.left_info + " is of '" + rig_.leftFrame() + "'"));
+      report("features: " + message.header.frame_id,
+             "features in '" + message.header.frame_id + "' are not used: " +
+                 (rig_.leftFrame().empty() ? std::string("header.frame_id must say the left camera's frame")
+                                           : topics_.left_info + " is of '" + rig_.leftFrame() + "'"));
     return turnAway("features", converted.rejection);
   }
   turnAway("features: repeated id", converted.repeated_ids);
   const std::string problem =
       stereo_check_.note(*converted.sample, system_.config().invariant.stereo.pixel_sigma);
-  if (!problem.empty()) problems_.report("features", problem);
+  if (!problem.empty()) report("features", problem);
   const ScreenCounts screened = screenFeatures(*converted.sample, rig_.imageSize(), max_features_);
   turnAway("features: pixel not finite", screened.not_finite);
   turnAway("features: pixel outside the image", screened.outside);

@@ -1,6 +1,5 @@
 #include "vi_ekf_slam/ros/map_file.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -48,8 +47,7 @@ void putRows(const Numbers& numbers, Eigen::Index begin, Eigen::Index end, Eigen
 void write(BagWriter& bag, const SavedMap& map, const std::string& map_frame) {
   MapState state;
   state.version = MapState::VERSION;
-  state.header.stamp = conversions::toTime(map.stamp);
-  state.header.frame_id = map_frame;
+  state.header = conversions::toHeader(map.stamp, map_frame);
   state.pose = conversions::toPose(map.world_T_imu);
   for (const SavedVariable& variable : map.variables) {
     state.variables.emplace_back();
@@ -64,9 +62,7 @@ void write(BagWriter& bag, const SavedMap& map, const std::string& map_frame) {
   for (std::size_t i = 0; i < map.landmarks.size(); ++i) {
     const SavedLandmark& landmark = map.landmarks[i];
     message.id = landmark.id;
-    message.position.x = landmark.position.x();
-    message.position.y = landmark.position.y();
-    message.position.z = landmark.position.z();
+    message.position = conversions::toPoint(landmark.position);
     message.observations = static_cast<std::uint32_t>(
         std::min<std::size_t>(landmark.observations, std::numeric_limits<std::uint32_t>::max()));
     message.covariance.resize(numbersAbove(map.rowOf(i + 1)) - numbersAbove(map.rowOf(i)));
@@ -95,12 +91,10 @@ class Reader {
     if (message.version != MapState::VERSION)
       refuse(path_, "version", std::to_string(message.version), std::to_string(MapState::VERSION));
     map_.stamp = conversions::toStamp(message.header.stamp);
-    const auto& p = message.pose.position;
-    const auto& o = message.pose.orientation;
-    const Eigen::Quaterniond q(o.w, o.x, o.y, o.z);
-    if (!(std::abs(q.norm() - 1.0) <= kNorm))
-      refuse(path_, "pose.orientation", "of norm " + std::to_string(q.norm()), "a quaternion of norm 1");
-    map_.world_T_imu = {q.normalized().toRotationMatrix(), {p.x, p.y, p.z}};
+    const double norm = conversions::toEigen(message.pose.orientation).norm();
+    if (!(std::abs(norm - 1.0) <= kNorm))
+      refuse(path_, "pose.orientation", "of norm " + std::to_string(norm), "a quaternion of norm 1");
+    map_.world_T_imu = conversions::toSE3(message.pose);
     for (const MapVariable& variable : message.variables) {
       map_.variables.push_back(
           {variable.name, Eigen::Map<const Eigen::VectorXd>(
@@ -128,8 +122,7 @@ class Reader {
     const Eigen::Index begin = map_.rowOf(i), end = map_.rowOf(i + 1);
     requireNumbers(field + ".covariance", message.covariance.size(), numbersAbove(end) - numbersAbove(begin));
     putRows(message.covariance, begin, end, map_.covariance);
-    map_.landmarks.push_back(
-        {message.id, {message.position.x, message.position.y, message.position.z}, message.observations});
+    map_.landmarks.push_back({message.id, conversions::toEigen(message.position), message.observations});
   }
 
   void read(const MapDescriptors& message) {

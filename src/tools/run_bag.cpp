@@ -199,27 +199,27 @@ int run(const RunBagOptions& options) {
   };
   system.onStart(say);
   if (!system.motionText().empty()) say("motion: " + system.motionText());
-  system.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
+  const auto warn = [](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; };
+  system.onProblem(warn);
   if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
   RunWriter::requireDirectory(options.output);
   RunWriter writer;
   system.onFrame([&](const Output& output) {
     if (output.report.relocalised) {
-      std::cerr << "run_bag: relocalised at " << stampText(output.state.stamp) << std::endl;
+      warn("relocalised at " + stampText(output.state.stamp));
       writer.restart(); // earlier poses are in another frame
     }
     writer.addFrame(output);
   });
   system.onImu([&writer](const Output& output) { writer.addGyro(output); });
   system.onNoise([&say](const StreamNoise& noise) { say("noise: " + toText(noise)); });
-  system.onReset([&writer](const std::string& reason, const PathEstimate& path) {
-    std::cerr << "run_bag: reset: " << reason << std::endl;
+  system.onReset([&](const std::string& reason, const PathEstimate& path) {
+    warn("reset: " + reason);
     writer.restart(path);
   });
   if (input.has(options.topics.twist_bias)) system.awaitBiasPrior();
   Intake intake(system, config.ros, options.topics);
-  intake.onProblem([](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; });
-
+  intake.onProblem(warn);
   const auto images = imagesOf(options, config, input, intake);
 
   const auto start = std::chrono::steady_clock::now();
@@ -266,16 +266,14 @@ int run(const RunBagOptions& options) {
   if (map && !is_kept) saveMap(map_path, map(), config.ros.map_frame);
   if (!options.save_calibration.empty())
     writeFile(options.save_calibration, writer.calibrationText(*summary.rig));
-  if (is_lost)
-    std::cerr << "run_bag: the place in " << options.load_map
-              << " was not found: poses are in a frame of their own" << std::endl;
+  if (is_lost) warn("the place in " + options.load_map + " was not found: poses are in a frame of their own");
   if (is_kept && problem.empty())
     problem = "the map of this run was not saved, since " + options.load_map +
               ", whose place was not found, would be lost (--output another folder)";
   if (!options.quiet && images) images->print(std::cout);
   if (!options.quiet) printSummary(options, writer, summary, estimate.landmarks.size());
   if (problem.empty()) return kOk;
-  std::cerr << "run_bag: " << problem << std::endl;
+  warn(problem);
   return kInput;
 }
 

@@ -20,7 +20,7 @@
 #include "vi_ekf_slam/ros/intake.hpp"
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
 #include "vi_ekf_slam/ros/output/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/output/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/path_publisher.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 
 namespace vi_ekf_slam {
@@ -115,9 +115,9 @@ class Soak {
         intake_(system_, config_, {}),
         sequencer_([this](const Output& output, bool is_frame) { publish(output, is_frame); }),
         path_(config_.map_frame) {
-    system_.onImu([this](const Output& output) { sequencer_.addGyro(output); });
+    system_.onImu([this](const Output& output) { sequencer_.add(output, false); });
     system_.onFrame([this](const Output& output) {
-      sequencer_.addFrame(output);
+      sequencer_.add(output, true);
       writer_.addFrame(output);
     });
     system_.onReset([this](const std::string& reason, const PathEstimate&) { problem("reset: " + reason); });

@@ -6,9 +6,8 @@
 
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
-#include "vi_ekf_slam/ros/node/load_control.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
-#include "vi_ekf_slam/ros/output/pacer.hpp"
+#include "vi_ekf_slam/ros/output/latched_topic.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
 #include "vi_ekf_slam/ros/output/output_sequencer.hpp"
-#include "vi_ekf_slam/ros/output/path_recorder.hpp"
+#include "vi_ekf_slam/ros/output/path_publisher.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -27,18 +27,18 @@ class Sequencer : public testing::Test {
 };
 
 TEST_F(Sequencer, a_frame_replaces_the_gyro_result_of_its_stamp) {
-  sequencer_.addGyro(at(1));
-  sequencer_.addFrame(at(1));
+  sequencer_.add(at(1), false);
+  sequencer_.add(at(1), true);
   sequencer_.endOfDrain();
   EXPECT_EQ((std::vector<std::pair<Stamp, bool>>{{1, true}}), sent_);
 }
 
 TEST_F(Sequencer, other_gyro_results_leave_in_order) {
-  sequencer_.addGyro(at(1));
+  sequencer_.add(at(1), false);
   EXPECT_TRUE(sent_.empty());
-  sequencer_.addGyro(at(2));
-  sequencer_.addFrame(at(3));
-  sequencer_.addGyro(at(4));
+  sequencer_.add(at(2), false);
+  sequencer_.add(at(3), true);
+  sequencer_.add(at(4), false);
   sequencer_.endOfDrain();
   sequencer_.endOfDrain();
   EXPECT_EQ((std::vector<std::pair<Stamp, bool>>{{1, false}, {2, false}, {3, true}, {4, false}}), sent_);
@@ -52,7 +52,7 @@ TEST_F(Sequencer, at_the_rate_of_frames_gyro_results_leave_only_while_no_frame_c
   const auto send = [&sequencer](std::initializer_list<int> tenths, bool is_frame) {
     for (const int tenth : tenths) {
       const Output output = at(tenth * Stamp{100000000});
-      is_frame ? sequencer.addFrame(output) : sequencer.addGyro(output);
+      sequencer.add(output, is_frame);
       sequencer.endOfDrain();
     }
   };
@@ -103,13 +103,12 @@ std::vector<LandmarkEstimate> landmarks(std::size_t count) {
 }
 
 TEST(Markers, are_split_above_the_limit_of_rviz_and_surplus_ones_deleted) {
-  const MarkerStyle style{"map", 0.2};
-  const auto many = toMarkers(landmarks(kMaxPointsPerMarker + 5), 9, style, 0);
+  const auto many = toMarkers(landmarks(kMaxPointsPerMarker + 5), 9, "map", 0);
   ASSERT_EQ(2U, many.markers.size());
   EXPECT_EQ(kMaxPointsPerMarker, many.markers[0].points.size());
   EXPECT_EQ(5U, many.markers[1].points.size());
   EXPECT_NE(many.markers[0].id, many.markers[1].id);
-  const auto few = toMarkers(landmarks(3), 9, style, 2);
+  const auto few = toMarkers(landmarks(3), 9, "map", 2);
   ASSERT_EQ(2U, few.markers.size());
   EXPECT_EQ(Marker::ADD, few.markers[0].action);
   EXPECT_EQ(Marker::DELETE, few.markers[1].action);
@@ -122,7 +121,7 @@ TEST(Markers, colour_is_logarithmic_in_how_well_a_landmark_is_known) {
   for (const auto& [sigma, red] : cases) {
     auto all = landmarks(1);
     all[0].covariance *= sigma * sigma;
-    const auto colour = toMarkers(all, 9, {"map", 0.2}, 0).markers[0].colors[0];
+    const auto colour = toMarkers(all, 9, "map", 0).markers[0].colors[0];
     EXPECT_NEAR(red, colour.r, 1e-6) << sigma << " m";
     EXPECT_NEAR(1.0F - red, colour.g, 1e-6) << sigma << " m";
   }

@@ -36,7 +36,6 @@ Output poseAt(double seconds) {
 /// Whoever ends the node may kill it before a map is computed and written.
 TEST_F(ResultsFolder, have_the_poses_of_the_end_while_a_map_is_written) {
   NodeSettings settings;
-  settings.output_dir = directory_;
   settings.autosave_period_s = 1e-9;
   settings.maps = {directory_, "", true, "map"};
   MapStore maps(settings.maps);

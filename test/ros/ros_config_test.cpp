@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "vi_ekf_slam/ros/node/xmlrpc_yaml.hpp"
+#include "vi_ekf_slam/ros/node/settings.hpp"
 
 namespace vi_ekf_slam {
 namespace {

@@ -6,7 +6,9 @@
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/Imu.h>
+#include <std_msgs/Header.h>
 
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -49,6 +51,7 @@ std::string frameName(const std::string& frame_id);
 
 Stamp toStamp(const ros::Time& time);
 ros::Time toTime(Stamp stamp);
+std_msgs::Header toHeader(Stamp stamp, const std::string& frame_id);
 
 /// `imu_frame` is what header.frame_id must be.
 Converted<ImuSample> toImu(const sensor_msgs::Imu& message, const std::string& imu_frame);
@@ -71,17 +74,23 @@ ConvertedFrame toFrame(const StereoFeatureArray& message, const std::string& lef
 /// The way back.
 StereoFeatureArray toMessage(const StereoFrame& frame, const std::string& left_frame);
 
+Eigen::Vector3d toEigen(const geometry_msgs::Vector3& v);
+Eigen::Vector3d toEigen(const geometry_msgs::Point& p);
+Eigen::Quaterniond toEigen(const geometry_msgs::Quaternion& q);
+geometry_msgs::Point toPoint(const Eigen::Vector3d& p);
 geometry_msgs::Pose toPose(const SE3& pose);
+/// The quaternion is normalised.
 SE3 toSE3(const geometry_msgs::Transform& transform);
+SE3 toSE3(const geometry_msgs::Pose& pose);
 
 /// parent_T_child as a message.
 geometry_msgs::TransformStamped toTransform(const SE3& parent_T_child, Stamp stamp, const std::string& parent,
                                             const std::string& child);
 geometry_msgs::PoseWithCovarianceStamped toPoseMessage(const StateEstimate& state,
                                                        const std::string& map_frame);
-/// Pose in `map_frame`, twist in `imu_frame`.
 /// `frame`: whose pose it is.
 LoopClosure toMessage(const ClosedLoop& loop, const std::string& map_frame, const std::string& frame);
+/// Pose in `map_frame`, twist in `imu_frame`.
 nav_msgs::Odometry toOdometry(const StateEstimate& state, const std::string& map_frame,
                               const std::string& imu_frame);
 

@@ -6,13 +6,13 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
 #include "vi_ekf_slam/core/sensors/stereo_check.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
-#include "vi_ekf_slam/ros/input/frame_problems.hpp"
 #include "vi_ekf_slam/ros/input/frame_tree.hpp"
 #include "vi_ekf_slam/ros/input/rig_assembler.hpp"
 #include "vi_ekf_slam/ros/input/velocity_frames.hpp"
@@ -58,13 +58,11 @@ class Intake {
   void flush();
   /// Time begins anew.
   void restartTransforms() { frames_.restart(); }
-  /// Called once for each frame that cannot be used: its name, and what to do.
-  void onProblem(std::function<void(const std::string&)> handler) { problems_.onProblem(std::move(handler)); }
+  /// Called once for each frame (with its input) that cannot be used: its name, and what to do.
+  void onProblem(std::function<void(const std::string&)> handler) { handler_ = std::move(handler); }
 
   const InputTopics& topics() const { return topics_; }
   const FrameTree& frames() const { return frames_; }
-  /// Whether a velocity waits for a transform.
-  bool isWaiting() const { return !waiting_.empty(); }
   /// Whether features are those of a rectified pair.
   const StereoCheck& stereoCheck() const { return stereo_check_; }
   const RigAssembler& rigAssembler() const { return rig_; }
@@ -110,6 +108,7 @@ class Intake {
   bool isCameraAlone() const;
   void takeCameraForBody();
   bool takeImuForBody(const std::string& imu_frame);
+  void report(const std::string& frame, const std::string& problem);
   void turnAway(const char* input, conversions::Rejection rejection);
   void turnAway(const char* reason, std::size_t count);
   void offerRig();
@@ -122,9 +121,10 @@ class Intake {
   FrameTree frames_;
   RigAssembler rig_;
   VelocityFrames velocities_;
-  std::deque<Arrival> waiting_; ///< in the order in which they came; the first is a velocity
-  bool may_wait_ = true;        ///< only the first velocity does: later ones are not to hold up what runs
-  FrameProblems problems_;
+  std::deque<Arrival> waiting_;    ///< in the order in which they came; the first is a velocity
+  bool may_wait_ = true;           ///< only the first velocity does: later ones are not to hold up what runs
+  std::set<std::string> reported_; ///< frames, with their inputs
+  std::function<void(const std::string&)> handler_;
   StereoCheck stereo_check_;
   Counts counts_;
   std::size_t max_features_;

@@ -1,5 +1,7 @@
 #include "vi_ekf_slam/ros/front_end/front_end_diagnostics.hpp"
 
+#include <algorithm>
+
 namespace vi_ekf_slam {
 namespace {
 
@@ -10,10 +12,9 @@ constexpr double kFewTracks = 0.25; // of those that are wanted
 
 } // namespace
 
-FrontEndDiagnostics::FrontEndDiagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh,
+FrontEndDiagnostics::FrontEndDiagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                                          const ImageIntake& intake)
-    : intake_(intake), updater_(nh, private_nh, private_nh.getNamespace()) {
-  updater_.setHardwareID("vi_ekf_slam");
+    : intake_(intake), updater_(nh, private_nh) {
   updater_.add("images", this, &FrontEndDiagnostics::images);
   updater_.add("tracks", this, &FrontEndDiagnostics::tracks);
   updater_.add("dropped", this, &FrontEndDiagnostics::dropped);

@@ -13,7 +13,6 @@ namespace vi_ekf_slam {
 namespace {
 
 constexpr std::uint32_t kImageQueue = 100;    // messages; the callbacks only hand them on
-constexpr std::uint32_t kSampleQueue = 10000; // messages
 constexpr std::uint32_t kFeatureQueue = 1000; // messages; a bag may be played fast
 constexpr double kIdle = 0.1;                 // s of wall time
 constexpr double kWarningPeriod = 5.0;        // s of wall time
@@ -26,7 +25,10 @@ constexpr const char* kTransport = "image_transport";
 FrontEndNode::FrontEndNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
     : nh_(nh),
       config_(readConfiguration(private_nh, {kTransport, kDiagnosticPeriod})),
-      intake_(config_, resolvedTopics(), [this](const StereoFeatureArray& features) { publish(features); }),
+      intake_(config_, resolvedTopics(nh),
+              [this](const StereoFeatureArray& features) {
+                features_.publish(boost::make_shared<const StereoFeatureArray>(features));
+              }),
       transport_(nh_),
       drawings_(transport_.advertise("front_end/image", 1)),
       features_(nh_.advertise<StereoFeatureArray>("features", kFeatureQueue)),
@@ -35,67 +37,38 @@ FrontEndNode::FrontEndNode(ros::NodeHandle nh, ros::NodeHandle private_nh)
   intake_.onPair([this](const StereoImages& images, const FrontEnd& front_end) { draw(images, front_end); });
   intake_.onCalibration([](const std::string& text) { ROS_INFO_STREAM(text); });
   std::string transport = "raw";
-  if (private_nh.hasParam(kTransport) && !private_nh.getParam(kTransport, transport))
-    throw ConfigError("parameters of " + private_nh.getNamespace() +
-                      ": image_transport must be a string such as raw or compressed");
+  readParameter(private_nh, kTransport, "a string such as raw or compressed", transport);
   subscribe(transport);
   worker_ = std::thread(&FrontEndNode::run, this);
 }
 
 FrontEndNode::~FrontEndNode() {
-  for (ros::Subscriber& subscriber : subscribers_) subscriber.shutdown();
+  subscriptions_.shutdown();
   for (image_transport::Subscriber& subscriber : images_) subscriber.shutdown();
   queue_.close();
   if (worker_.joinable()) worker_.join();
 }
 
-InputTopics FrontEndNode::resolvedTopics() const {
-  InputTopics topics;
-  for (std::string* topic : {&topics.imu, &topics.left_info, &topics.right_info})
-    *topic = nh_.resolveName(*topic);
-  return topics;
-}
-
-template <typename Message>
-void FrontEndNode::listen(const std::string& topic, void (ImageIntake::*add)(const Message&)) {
-  const boost::function<void(const boost::shared_ptr<const Message>&)> callback =
-      [this, add](const boost::shared_ptr<const Message>& message) {
-        queue_.push([this, add, message] { (intake_.*add)(*message); }, {});
-      };
-  subscribers_.push_back(nh_.subscribe<Message>(topic, kSampleQueue, callback, ros::VoidConstPtr(),
-                                                ros::TransportHints().tcpNoDelay()));
-}
-
 void FrontEndNode::subscribe(const std::string& transport) {
-  listen<sensor_msgs::CameraInfo>("left/camera_info", &ImageIntake::addLeftInfo);
-  listen<sensor_msgs::CameraInfo>("right/camera_info", &ImageIntake::addRightInfo);
-  listen<sensor_msgs::Imu>("imu", &ImageIntake::add);
-  for (const char* topic : {"/tf", "/tf_static"}) {
-    const bool is_static = std::string(topic) == "/tf_static";
-    const boost::function<void(const tf2_msgs::TFMessageConstPtr&)> callback =
-        [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
-          queue_.push([this, is_static, message] { intake_.addTransforms(*message, is_static); }, {});
-        };
-    subscribers_.push_back(nh_.subscribe<tf2_msgs::TFMessage>(topic, kSampleQueue, callback));
-  }
+  subscriptions_.listen<sensor_msgs::CameraInfo>("left/camera_info",
+                                                 [this](const auto& m) { intake_.addLeftInfo(m); });
+  subscriptions_.listen<sensor_msgs::CameraInfo>("right/camera_info",
+                                                 [this](const auto& m) { intake_.addRightInfo(m); });
+  subscriptions_.listen<sensor_msgs::Imu>("imu", [this](const auto& m) { intake_.add(m); });
+  subscriptions_.listenToTransforms([this](const auto& m, bool is_static, bool /*of_this_process*/) {
+    intake_.addTransforms(m, is_static);
+  });
   for (const bool is_left : {true, false}) {
     const std::string topic = nh_.resolveName(is_left ? "left/image" : "right/image");
+    const auto add = [this, is_left](const auto& message) {
+      is_left ? intake_.addLeft(message) : intake_.addRight(message);
+    };
     if (transport == "compressed") { // decoded here, and only what is used; needs no plugin
-      const boost::function<void(const sensor_msgs::CompressedImageConstPtr&)> callback =
-          [this, is_left](const sensor_msgs::CompressedImageConstPtr& message) {
-            queue_.push(
-                [this, is_left, message] { is_left ? intake_.addLeft(message) : intake_.addRight(message); },
-                {});
-          };
-      subscribers_.push_back(nh_.subscribe<sensor_msgs::CompressedImage>(topic + "/compressed", kImageQueue,
-                                                                         callback, ros::VoidConstPtr(),
-                                                                         ros::TransportHints().tcpNoDelay()));
+      subscriptions_.listenToPointers<sensor_msgs::CompressedImage>(topic + "/compressed", kImageQueue, add);
     } else {
       const boost::function<void(const sensor_msgs::ImageConstPtr&)> callback =
-          [this, is_left](const sensor_msgs::ImageConstPtr& message) {
-            queue_.push(
-                [this, is_left, message] { is_left ? intake_.addLeft(message) : intake_.addRight(message); },
-                {});
+          [this, add](const sensor_msgs::ImageConstPtr& message) {
+            queue_.push([add, message] { add(message); }, {});
           };
       images_.push_back(transport_.subscribe(
           topic, kImageQueue, callback, ros::VoidPtr(),
@@ -137,24 +110,15 @@ void FrontEndNode::work() {
   } while ((sheds ? intake_.processNewest() : intake_.processNext()) && !queue_.closed());
 }
 
-void FrontEndNode::publish(const StereoFeatureArray& features) {
-  features_.publish(boost::make_shared<const StereoFeatureArray>(features));
-}
-
 void FrontEndNode::draw(const StereoImages& images, const FrontEnd& front_end) {
   diagnostics_.notePair(images.stamp);
   if (drawings_.getNumSubscribers() == 0) return;
-  std_msgs::Header header;
-  header.stamp = conversions::toTime(images.stamp);
-  header.frame_id = intake_.leftFrame();
+  const std_msgs::Header header = conversions::toHeader(images.stamp, intake_.leftFrame());
   drawings_.publish(cv_bridge::CvImage(header, "bgr8", drawTracks(images, front_end)).toImageMsg());
 }
 
 void FrontEndNode::report() {
-  if (secondsSince(last_report_) >= diagnostics_.period()) {
-    last_report_ = WorkQueue::Clock::now();
-    diagnostics_.publish();
-  }
+  diagnostics_.reportIfDue();
   if (secondsSince(last_warning_) < kWarningPeriod) return;
   last_warning_ = WorkQueue::Clock::now();
   if (const std::string problem = intake_.problem(); !problem.empty())

@@ -32,20 +32,6 @@ ImageIntake::ImageIntake(const FullConfig& config, const InputTopics& topics, Fe
   updateHold();
 }
 
-template <typename MessagePtr>
-PendingImage ImageIntake::pending(const MessagePtr& message) {
-  const auto decode = [this, message] {
-    if constexpr (std::is_same_v<MessagePtr, sensor_msgs::ImageConstPtr>) {
-      return decoder_.decode(message);
-    } else {
-      return decoder_.decode(*message);
-    }
-  };
-  return {conversions::toStamp(message->header.stamp), decode};
-}
-template PendingImage ImageIntake::pending(const sensor_msgs::ImageConstPtr&);
-template PendingImage ImageIntake::pending(const sensor_msgs::CompressedImageConstPtr&);
-
 /// Once the cameras are known.
 void ImageIntake::begin() {
   const auto& cameras = calibration_.cameras();

@@ -6,27 +6,14 @@
 namespace vi_ekf_slam {
 namespace {
 
-template <std::size_t N>
-cv::Matx33d columns3(const boost::array<double, N>& row_major, std::size_t stride) {
-  cv::Matx33d matrix;
-  for (std::size_t row = 0; row < 3; ++row) {
-    for (std::size_t column = 0; column < 3; ++column)
-      matrix(static_cast<int>(row), static_cast<int>(column)) = row_major[row * stride + column];
-  }
-  return matrix;
-}
-
 /// Throws std::invalid_argument.
 CameraModel cameraModel(const sensor_msgs::CameraInfo& info, ImageKind images) {
   CameraModel::Parameters p;
   p.size = {static_cast<int>(std::min(info.width, 65536u)), static_cast<int>(std::min(info.height, 65536u))};
   p.D = info.D;
-  p.K = columns3(info.K, 3);
-  p.P = columns3(info.P, 4);
-  const Eigen::Matrix3d R = rectification(info);
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) p.R(row, column) = R(row, column);
-  }
+  p.K = cv::Matx33d(info.K.data());
+  p.P = cv::Matx34d(info.P.data()).get_minor<3, 3>(0, 0);
+  p.R = cv::Matx33d(rectification(info).data()).t(); // Eigen's are column by column
   const std::string& model = info.distortion_model;
   if (model == "equidistant" || model == "fisheye") {
     p.distortion = CameraModel::Distortion::kEquidistant;

@@ -19,21 +19,12 @@ void FrameTree::add(const tf2_msgs::TFMessage& message, bool is_static) {
   }
 }
 
-std::optional<SE3> FrameTree::lookUp(const std::string& target, const std::string& source,
-                                     const ros::Time& time) const {
+std::optional<SE3> FrameTree::find(const std::string& target, const std::string& source, Stamp stamp) const {
   if (target.empty() || source.empty()) return std::nullopt;
   if (target == source) return SE3();
+  const ros::Time time = conversions::toTime(stamp);
   if (!buffer_.canTransform(target, source, time)) return std::nullopt;
   return conversions::toSE3(buffer_.lookupTransform(target, source, time).transform);
-}
-
-std::optional<SE3> FrameTree::find(const std::string& target, const std::string& source) const {
-  return lookUp(target, source, ros::Time(0));
-}
-
-std::optional<SE3> FrameTree::findAt(const std::string& target, const std::string& source,
-                                     Stamp stamp) const {
-  return lookUp(target, source, conversions::toTime(stamp));
 }
 
 std::optional<Stamp> FrameTree::newest(const std::string& target, const std::string& source) const {

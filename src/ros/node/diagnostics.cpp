@@ -31,11 +31,8 @@ std::optional<double> RateMeter::silence() const {
   return (ros::WallTime::now() - *last_).toSec();
 }
 
-Diagnostics::Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources)
-    : from_(sources),
-      updater_(nh, private_nh,
-               private_nh.getNamespace()) { // in a nodelet manager the process has another name
-  updater_.setHardwareID("vi_ekf_slam");
+Diagnostics::Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, const Sources& sources)
+    : from_(sources), updater_(nh, private_nh) {
   updater_.add("inputs", this, &Diagnostics::inputs);
   updater_.add("calibration", this, &Diagnostics::calibration);
   updater_.add("frames", this, &Diagnostics::frames);

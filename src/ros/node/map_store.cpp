@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
 
@@ -65,17 +64,6 @@ void keepEarlier(const fs::path& directory, const std::vector<fs::path>& results
 }
 
 } // namespace
-
-MapStore::Settings MapStore::readSettings(const ros::NodeHandle& private_nh, const std::string& source,
-                                          Settings settings) {
-  if (private_nh.hasParam(kMapFile) && !private_nh.getParam(kMapFile, settings.map_file))
-    throw ConfigError(source + ": map_file must be a string: a map.bag to relocalise in, or empty");
-  if (private_nh.hasParam(kResume) && !private_nh.getParam(kResume, settings.resume))
-    throw ConfigError(source + ": resume must be true or false");
-  if (settings.resume && settings.output_dir.empty())
-    throw ConfigError(source + ": resume is true, which needs output_dir: the folder to resume from");
-  return settings;
-}
 
 std::string MapStore::savedPath() const { return (fs::path(settings_.output_dir) / kMapFileName).string(); }
 

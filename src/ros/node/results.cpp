@@ -36,13 +36,13 @@ std::string attempt(const std::function<void()>& save) {
 
 Results::Results(const NodeSettings& settings, MapStore& maps, const SlamSystem& system, Worker& worker,
                  std::function<RunSummary()> summary)
-    : output_dir_(settings.output_dir),
+    : output_dir_(settings.maps.output_dir),
       autosave_period_s_(settings.autosave_period_s),
       maps_(maps),
       system_(system),
       worker_(worker),
       summary_(std::move(summary)),
-      writer_(settings.output_dir) {}
+      writer_(settings.maps.output_dir) {}
 
 /// The estimate is of use to others, whatever becomes of its record.
 void Results::add(const Output& output, bool is_frame) {

@@ -12,6 +12,13 @@ std::string fileProblem(const std::string& file) {
   return "file is '" + file + "', allowed: an absolute path, one from ~ on, or nothing";
 }
 
+template <typename Response>
+bool respond(const Results::Answer& answer, Response& response) {
+  response.success = answer.success;
+  response.message = answer.message;
+  return true;
+}
+
 } // namespace
 
 Services::Services(const ros::NodeHandle& private_nh, const FullConfig& config, Actions actions,
@@ -39,37 +46,33 @@ bool Services::reset(std_srvs::Empty::Request& /*request*/, std_srvs::Empty::Res
   return worker_.run([this] { actions_.reset("asked for by " + nh_.resolveName("reset")); });
 }
 
+/// `action`, done in the worker, says why `what` is not set; empty: it is.
+Results::Answer Services::set(const std::string& what, const std::function<std::string()>& action) {
+  std::string problem;
+  if (!worker_.run([&] { problem = action(); })) problem = what + " is not set: the node is ending";
+  if (!problem.empty()) return {false, problem};
+  return {true, what + " is set"};
+}
+
 bool Services::setPose(SetPose::Request& request, SetPose::Response& response) {
-  const bool done = worker_.run([&] { response.message = actions_.set_pose(request.pose); });
-  response.success = done && response.message.empty();
-  if (!done) response.message = "the pose is not set: the node is ending";
-  if (response.success) response.message = "the pose is set";
-  return true;
+  return respond(set("the pose", [&] { return actions_.set_pose(request.pose); }), response);
 }
 
 bool Services::setState(SetState::Request& request, SetState::Response& response) {
-  const bool done = worker_.run([&] { response.message = actions_.set_state(request); });
-  response.success = done && response.message.empty();
-  if (!done) response.message = "the state is not set: the node is ending";
-  if (response.success) response.message = "the state is set; everything begins anew from there";
-  return true;
+  Results::Answer answer = set("the state", [&] { return actions_.set_state(request); });
+  if (answer.success) answer.message += "; everything begins anew from there";
+  return respond(answer, response);
 }
 
 bool Services::saveTrajectory(std_srvs::Trigger::Request& /*request*/,
                               std_srvs::Trigger::Response& response) {
-  const Results::Answer answer = results_.saveTrajectory();
-  response.success = answer.success;
-  response.message = answer.message;
-  return true;
+  return respond(results_.saveTrajectory(), response);
 }
 
 bool Services::saveMap(SaveMap::Request& request, SaveMap::Response& response) {
   const std::string problem = fileProblem(request.file);
-  const Results::Answer answer =
-      problem.empty() ? results_.saveMap(absolutePath(request.file)) : Results::Answer{false, problem};
-  response.success = answer.success;
-  response.message = answer.message;
-  return true;
+  if (!problem.empty()) return respond({false, problem}, response);
+  return respond(results_.saveMap(absolutePath(request.file)), response);
 }
 
 /// The file is read before anything is given up for it.

@@ -7,23 +7,13 @@
 
 #include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/conversions.hpp"
-#include "vi_ekf_slam/ros/node/told_pose.hpp"
-#include "vi_ekf_slam/ros/node/told_state.hpp"
+#include "vi_ekf_slam/ros/node/told.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 constexpr double kWarningPeriod = 5.0; // s of wall time between warnings
 constexpr double kLookPeriod = 1.0;    // s of wall time between two looks for what to warn of
-
-InputTopics resolvedTopics(const ros::NodeHandle& nh) {
-  InputTopics topics;
-  for (std::string* name : {&topics.imu, &topics.velocity, &topics.wheel_odometry, &topics.twist_bias,
-                            &topics.features, &topics.left_info, &topics.right_info}) {
-    *name = nh.resolveName(*name);
-  }
-  return topics;
-}
 
 } // namespace
 
@@ -57,9 +47,9 @@ SlamNode::SlamNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
   worker_.start({[this](WorkQueue::Item& item) { process(item); }, [this](bool is_pause) { tend(is_pause); },
                  [this](const std::string& failure) { diagnostics_.fail(failure); }});
   ROS_INFO_STREAM("configured from " << settings_.source << "; "
-                                     << (settings_.output_dir.empty()
+                                     << (settings_.maps.output_dir.empty()
                                              ? "nothing is saved (~output_dir is empty)"
-                                             : "results go to " + settings_.output_dir));
+                                             : "results go to " + settings_.maps.output_dir));
 }
 
 SlamNode::~SlamNode() { finish(); }
@@ -110,12 +100,9 @@ void SlamNode::subscribe(const std::string& pose_topic) {
   using geometry_msgs::TwistWithCovarianceStamped;
   using sensor_msgs::CameraInfo;
   const InputTopics names; // relative: the node handle resolves and remaps them
-  for (const bool is_static : {true, false}) {
-    subscriptions_.listenToTransforms(is_static ? "/tf_static" : "/tf",
-                                      [this, is_static](const auto& message, bool of_this_process) {
-                                        handleTransforms(message, is_static, of_this_process);
-                                      });
-  }
+  subscriptions_.listenToTransforms([this](const auto& message, bool is_static, bool of_this_process) {
+    handleTransforms(message, is_static, of_this_process);
+  });
   subscriptions_.listen<CameraInfo>(names.left_info, [this](const auto& m) { intake_.addLeftInfo(m); });
   subscriptions_.listen<CameraInfo>(names.right_info, [this](const auto& m) { intake_.addRightInfo(m); });
   subscriptions_.listen<TwistWithCovarianceStamped>(names.twist_bias,
@@ -156,10 +143,7 @@ void SlamNode::process(WorkQueue::Item& item) {
 void SlamNode::tend(bool is_pause) {
   if (is_pause) publishers_.publishUnsent();
   publishers_.serveNewListeners();
-  if (secondsSince(watch_.last_report) >= diagnostics_.period()) {
-    watch_.last_report = WorkQueue::Clock::now();
-    diagnostics_.publish();
-  }
+  diagnostics_.reportIfDue();
   if (secondsSince(watch_.last_look) >= kLookPeriod && secondsSince(watch_.last_warning) >= kWarningPeriod) {
     watch_.last_look = WorkQueue::Clock::now();
     warn();
@@ -193,11 +177,7 @@ void SlamNode::handleOutput(const Output& output, bool is_frame) {
         "anew");
     results_.restart();
   }
-  if (is_frame) {
-    sequencer_.addFrame(output);
-  } else {
-    sequencer_.addGyro(output);
-  }
+  sequencer_.add(output, is_frame);
   results_.add(output, is_frame);
 }
 
@@ -318,7 +298,7 @@ void SlamNode::finish() {
   }
   if (intake_.received() > 0) {
     results_.saveAtTheEnd();
-  } else if (!settings_.output_dir.empty()) { // leaves what an earlier run has saved there
+  } else if (!settings_.maps.output_dir.empty()) { // leaves what an earlier run has saved there
     ROS_WARN_STREAM("no measurement has come: nothing is saved");
   }
 }

@@ -5,21 +5,17 @@
 namespace vi_ekf_slam {
 namespace {
 
-Matrix6d twice(const Eigen::Matrix3d& rotation) {
-  Matrix6d both = Matrix6d::Zero();
-  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = rotation;
-  return both;
-}
+Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
 
 /// Covariance (position, rotation, fixed axes) of a point that is fixed to a body at `arm` (fixed axes) from
-/// the point that `covariance` is of: dp' = dp + dtheta x arm.
-Matrix6d shifted(const Matrix6d& covariance, const Eigen::Vector3d& arm) {
-  Matrix6d J = Matrix6d::Identity();
+/// the point that `covariance` is of, dp' = dp + dtheta x arm, along axes that `rotation` turns these to.
+Matrix6d carried(const Matrix6d& covariance, const Eigen::Vector3d& arm, const Eigen::Matrix3d& rotation) {
+  Matrix6d J = Matrix6d::Identity(), turn = Matrix6d::Zero();
   J.topRightCorner<3, 3>() = -so3::hat(arm);
-  return J * covariance * J.transpose();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = rotation;
+  const Matrix6d shifted = J * covariance * J.transpose();
+  return symmetric(turn * shifted * turn.transpose());
 }
-
-Matrix6d symmetric(const Matrix6d& m) { return 0.5 * (m + m.transpose()); }
 
 } // namespace
 
@@ -87,8 +83,7 @@ StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
   StateEstimate of_base = of_imu;
   of_base.world_T_imu = pose(of_imu.world_T_imu);
   const Eigen::Vector3d arm = of_imu.world_T_imu.rotation() * base_T_imu_->inverse().translation();
-  const Matrix6d turn = twice(map_T_world_.rotation());
-  of_base.pose_covariance = symmetric(turn * shifted(of_imu.pose_covariance, arm) * turn.transpose());
+  of_base.pose_covariance = carried(of_imu.pose_covariance, arm, map_T_world_.rotation());
   const Matrix6d adjoint = base_T_imu_->adjoint(); // v_base = R (v + omega x arm)
   of_base.twist = adjoint * of_imu.twist;
   of_base.twist_covariance = symmetric(adjoint * of_imu.twist_covariance * adjoint.transpose());
@@ -98,17 +93,15 @@ StateEstimate BaseFrame::state(const StateEstimate& of_imu) const {
 Matrix6d BaseFrame::imuCovariance(const SE3& map_T_base, const Matrix6d& covariance) const {
   if (!base_T_imu_) return covariance;
   const Eigen::Vector3d arm = map_T_base.rotation() * base_T_imu_->translation();
-  const Matrix6d turn = twice(map_T_world_.rotation().transpose());
-  return symmetric(turn * shifted(covariance, arm) * turn.transpose());
+  return carried(covariance, arm, map_T_world_.rotation().transpose());
 }
 
 PathEstimate BaseFrame::path(PathEstimate of_imu) const {
   if (!base_T_imu_) return of_imu;
-  const Matrix6d turn = twice(map_T_world_.rotation());
   for (PathNode& node : of_imu.nodes) {
     const Eigen::Vector3d arm = node.now.rotation() * base_T_imu_->inverse().translation();
     for (Matrix6d* P : {&node.covariance, &node.covariance_soon, &node.learned})
-      *P = symmetric(turn * shifted(*P, arm) * turn.transpose());
+      *P = carried(*P, arm, map_T_world_.rotation());
     for (SE3* of_node : {&node.before, &node.after, &node.now}) *of_node = pose(*of_node);
   }
   return of_imu;
@@ -118,8 +111,7 @@ ClosedLoop BaseFrame::loop(ClosedLoop of_imu) const {
   if (!base_T_imu_) return of_imu;
   const SE3 imu_T_base = base_T_imu_->inverse();
   const Eigen::Vector3d arm = of_imu.before_T_now.rotation() * imu_T_base.translation();
-  const Matrix6d turn = twice(base_T_imu_->rotation());
-  of_imu.covariance = symmetric(turn * shifted(of_imu.covariance, arm) * turn.transpose());
+  of_imu.covariance = carried(of_imu.covariance, arm, base_T_imu_->rotation());
   of_imu.before_T_now = *base_T_imu_ * of_imu.before_T_now * imu_T_base;
   return of_imu;
 }

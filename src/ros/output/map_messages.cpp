@@ -9,6 +9,9 @@
 #include "vi_ekf_slam/ros/conversions.hpp"
 
 namespace vi_ekf_slam {
+
+using conversions::toPoint;
+
 namespace {
 
 constexpr const char* kNamespace = "landmarks";
@@ -19,15 +22,21 @@ constexpr double kThinnestLoop = 1e-3, kWidestLoop = 0.3; // m; rviz warns of a 
 
 visualization_msgs::Marker emptyMarker(const std::string& frame, Stamp stamp, int id) {
   visualization_msgs::Marker marker;
-  marker.header.frame_id = frame;
-  marker.header.stamp = conversions::toTime(stamp);
+  marker.header = conversions::toHeader(stamp, frame);
   marker.ns = kNamespace;
   marker.id = id;
   marker.pose.orientation.w = 1.0;
   return marker;
 }
 
+constexpr double kMarkerSize = 0.2;     // m, edge of its square
 constexpr double kSmallestSigma = 1e-3; // m, shown; the logarithm of 0 is none
+
+/// Standard deviations (m) at the ends of the landmarks' colours, green and red; between them the scale is
+/// logarithmic, 1 m in its middle. 96 % of the landmarks of two recorded drives (0027, 0034) are between 0.2
+/// and 12 m.
+constexpr double kSigmaGreen = 0.1;
+constexpr double kSigmaRed = 10.0;
 
 /// Green (kSigmaGreen and less) to red (kSigmaRed and more) by the logarithm of sigma (m).
 std_msgs::ColorRGBA colour(double sigma) {
@@ -40,6 +49,11 @@ std_msgs::ColorRGBA colour(double sigma) {
   return c;
 }
 
+/// Root mean square of the three standard deviations, m.
+double landmarkSigma(const LandmarkEstimate& landmark) {
+  return std::sqrt(std::max(0.0, landmark.covariance.trace() / 3.0));
+}
+
 /// m, the longest side of the box about the path.
 double extent(const PathEstimate& path) {
   Eigen::AlignedBox3d box;
@@ -47,28 +61,16 @@ double extent(const PathEstimate& path) {
   return box.isEmpty() ? 0.0 : box.sizes().maxCoeff();
 }
 
-geometry_msgs::Point toPoint(const Eigen::Vector3d& p) {
-  geometry_msgs::Point point;
-  point.x = p.x();
-  point.y = p.y();
-  point.z = p.z();
-  return point;
-}
-
 } // namespace
 
-double landmarkSigma(const LandmarkEstimate& landmark) {
-  return std::sqrt(std::max(0.0, landmark.covariance.trace() / 3.0));
-}
-
 visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
-                                          const MarkerStyle& style, std::size_t previous_markers) {
+                                          const std::string& frame, std::size_t previous_markers) {
   visualization_msgs::MarkerArray array;
   for (std::size_t begin = 0; begin < landmarks.size(); begin += kMaxPointsPerMarker) {
-    auto marker = emptyMarker(style.frame, stamp, static_cast<int>(array.markers.size()));
+    auto marker = emptyMarker(frame, stamp, static_cast<int>(array.markers.size()));
     marker.type = visualization_msgs::Marker::POINTS;
     marker.action = visualization_msgs::Marker::ADD;
-    marker.scale.x = marker.scale.y = style.size_m;
+    marker.scale.x = marker.scale.y = kMarkerSize;
     marker.color.a = 1.0F;
     const std::size_t end = std::min(landmarks.size(), begin + kMaxPointsPerMarker);
     for (std::size_t i = begin; i < end; ++i) {
@@ -78,7 +80,7 @@ visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& l
     array.markers.push_back(std::move(marker));
   }
   for (std::size_t id = array.markers.size(); id < previous_markers; ++id) {
-    auto marker = emptyMarker(style.frame, stamp, static_cast<int>(id));
+    auto marker = emptyMarker(frame, stamp, static_cast<int>(id));
     marker.action = visualization_msgs::Marker::DELETE;
     array.markers.push_back(std::move(marker));
   }
@@ -90,8 +92,7 @@ visualization_msgs::Marker loopMarker(const PathEstimate& path, Stamp stamp, con
   marker.ns = kLoops;
   marker.type = visualization_msgs::Marker::LINE_LIST;
   // rviz complains about a list without points.
-  marker.action =
-      path.loops.empty() ? visualization_msgs::Marker::DELETE : visualization_msgs::Marker::ADD;
+  marker.action = path.loops.empty() ? visualization_msgs::Marker::DELETE : visualization_msgs::Marker::ADD;
   marker.scale.x = std::clamp(kLoopShare * extent(path), kThinnestLoop, kWidestLoop);
   marker.color.r = marker.color.b = marker.color.a = 1.0F;
   const auto positionAt = [&path](Stamp end) {
@@ -118,8 +119,7 @@ sensor_msgs::PointCloud2 toCloud(const std::vector<LandmarkEstimate>& landmarks,
                                  const std::string& frame) {
   using sensor_msgs::PointField;
   sensor_msgs::PointCloud2 cloud;
-  cloud.header.frame_id = frame;
-  cloud.header.stamp = conversions::toTime(stamp);
+  cloud.header = conversions::toHeader(stamp, frame);
   cloud.height = 1;
   sensor_msgs::PointCloud2Modifier modifier(cloud);
   modifier.setPointCloud2Fields(7, "x", 1, PointField::FLOAT32, "y", 1, PointField::FLOAT32, "z", 1,

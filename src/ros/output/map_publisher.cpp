@@ -9,7 +9,7 @@ namespace vi_ekf_slam {
 
 MapPublisher::MapPublisher(ros::NodeHandle& nh, const RosConfig& config, LandmarkSource landmarks,
                            PathSource path, std::atomic<bool>& listener_came)
-    : style_{config.map_frame},
+    : frame_(config.map_frame),
       landmarks_(std::move(landmarks)),
       path_(std::move(path)),
       pacer_(config.landmark_period_s, config.max_bandwidth_bytes_s),
@@ -23,14 +23,14 @@ void MapPublisher::send(Stamp stamp) {
   const auto landmarks = landmarks_();
   std::size_t bytes = 0; // of the larger topic
   if (markers_wanted) {
-    auto markers = toMarkers(landmarks, stamp, style_, markers_shown_);
-    markers.markers.push_back(loopMarker(path_(), stamp, style_.frame));
+    auto markers = toMarkers(landmarks, stamp, frame_, markers_shown_);
+    markers.markers.push_back(loopMarker(path_(), stamp, frame_));
     markers_shown_ = (landmarks.size() + kMaxPointsPerMarker - 1) / kMaxPointsPerMarker;
     bytes = ros::serialization::serializationLength(markers);
     markers_.publish(markers);
   }
   if (cloud_wanted) {
-    const auto cloud = toCloud(landmarks, stamp, style_.frame);
+    const auto cloud = toCloud(landmarks, stamp, frame_);
     bytes = std::max<std::size_t>(bytes, ros::serialization::serializationLength(cloud));
     cloud_.publish(cloud);
   }
@@ -40,8 +40,8 @@ void MapPublisher::send(Stamp stamp) {
 void MapPublisher::reset(std::optional<Stamp> stamp) {
   markers_shown_ = 0;
   pacer_.restart();
-  markers_.publish(deleteAllMarkers(style_.frame));
-  if (stamp) cloud_.publish(toCloud({}, *stamp, style_.frame));
+  markers_.publish(deleteAllMarkers(frame_));
+  if (stamp) cloud_.publish(toCloud({}, *stamp, frame_));
 }
 
 } // namespace vi_ekf_slam

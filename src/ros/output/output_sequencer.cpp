@@ -9,19 +9,17 @@ constexpr double kFramesStopped = 1.0; // s
 
 } // namespace
 
-void OutputSequencer::addGyro(const Output& output) {
+void OutputSequencer::add(const Output& output, bool is_frame) {
+  if (is_frame && held_ && held_->state.stamp == output.state.stamp) held_.reset();
   endOfDrain();
+  if (is_frame) {
+    last_frame_ = output.state.stamp;
+    return sink_(output, true);
+  }
   // A stamp before that frame's is of a new start.
   const bool frames_come =
       last_frame_ && std::abs(secondsBetween(*last_frame_, output.state.stamp)) <= kFramesStopped;
   if (rate_ == OdometryRate::kImu || !frames_come) held_ = output;
-}
-
-void OutputSequencer::addFrame(const Output& output) {
-  if (held_ && held_->state.stamp == output.state.stamp) held_.reset();
-  endOfDrain();
-  last_frame_ = output.state.stamp;
-  sink_(output, true);
 }
 
 void OutputSequencer::endOfDrain() {

@@ -2,6 +2,8 @@
 
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -10,6 +12,25 @@
 namespace vi_ekf_slam {
 
 using conversions::toTransform;
+
+void ForeignOdometry::add(Stamp stamp, const SE3& map_T_base) {
+  poses_.push_back({stamp, map_T_base});
+  if (poses_.size() > kMostWaiting) poses_.pop_front();
+}
+
+std::optional<ForeignOdometry::Correction> ForeignOdometry::take(const std::string& base_frame) {
+  const auto newest = poses_.empty() ? std::nullopt : frames_.newest(odom_frame_, base_frame);
+  if (!newest) return std::nullopt;
+  const auto after = *newest == 0 ? poses_.end()
+                                  : std::upper_bound(poses_.begin(), poses_.end(), *newest,
+                                                     [](Stamp s, const Pose& p) { return s < p.stamp; });
+  if (after == poses_.begin()) return std::nullopt;
+  const Pose pose = *std::prev(after);
+  poses_.erase(poses_.begin(), after);
+  const auto odom_T_base = frames_.find(odom_frame_, base_frame, pose.stamp);
+  if (!odom_T_base) return std::nullopt; // older than what is kept of /tf
+  return Correction{pose.stamp, (pose.map_T_base * odom_T_base->inverse()).normalized()};
+}
 
 TransformPublisher::TransformPublisher(ros::NodeHandle nh, const FrameTree& frames, const RosConfig& config,
                                        double max_jump_s)

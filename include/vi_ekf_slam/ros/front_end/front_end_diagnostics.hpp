@@ -1,11 +1,5 @@
 #pragma once
 
-#include <diagnostic_updater/diagnostic_updater.h>
-
-#include <algorithm>
-#include <map>
-#include <string>
-
 #include "vi_ekf_slam/ros/front_end/image_intake.hpp"
 #include "vi_ekf_slam/ros/node/diagnostics.hpp"
 
@@ -15,12 +9,11 @@ namespace vi_ekf_slam {
 class FrontEndDiagnostics {
  public:
   /// `intake` must outlive this.
-  FrontEndDiagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const ImageIntake& intake);
+  FrontEndDiagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+                      const ImageIntake& intake);
 
   void notePair(Stamp stamp);
-  void publish() { updater_.force_update(); }
-  /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
-  double period() { return std::max(0.05, updater_.getPeriod()); }
+  void reportIfDue() { updater_.reportIfDue(); }
 
  private:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
@@ -33,7 +26,7 @@ class FrontEndDiagnostics {
   RateMeter rate_;
   double slowest_s_ = 0.0; ///< since the last report
   std::uint64_t reported_ = 0;
-  diagnostic_updater::Updater updater_;
+  DiagnosticUpdater updater_;
 };
 
 } // namespace vi_ekf_slam

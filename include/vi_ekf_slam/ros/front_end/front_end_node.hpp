@@ -12,6 +12,7 @@
 
 #include "vi_ekf_slam/ros/front_end/front_end_diagnostics.hpp"
 #include "vi_ekf_slam/ros/front_end/image_intake.hpp"
+#include "vi_ekf_slam/ros/node/subscriptions.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
 
 namespace vi_ekf_slam {
@@ -31,15 +32,11 @@ class FrontEndNode {
   FrontEndNode& operator=(const FrontEndNode&) = delete;
 
  private:
-  InputTopics resolvedTopics() const;
   void subscribe(const std::string& transport);
-  template <typename Message>
-  void listen(const std::string& topic, void (ImageIntake::*add)(const Message&));
   void run();
   bool takeIn(double wait_s);
   void work();
   bool hasEnded() const;
-  void publish(const StereoFeatureArray& features);
   void draw(const StereoImages& images, const FrontEnd& front_end);
   void report();
 
@@ -53,9 +50,9 @@ class FrontEndNode {
   std::map<std::string, std::uint64_t> warned_;
   WorkQueue::Clock::time_point last_input_ = WorkQueue::Clock::now();
   ros::Time time_of_last_input_;
-  WorkQueue::Clock::time_point last_report_ = WorkQueue::Clock::now(), last_warning_ = last_report_;
+  WorkQueue::Clock::time_point last_warning_ = WorkQueue::Clock::now();
   WorkQueue queue_{{0.0, 100000}};
-  std::vector<ros::Subscriber> subscribers_;
+  Subscriptions subscriptions_{nh_, queue_};
   std::vector<image_transport::Subscriber> images_;
   std::thread worker_;
 };

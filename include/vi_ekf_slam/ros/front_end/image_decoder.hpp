@@ -17,6 +17,7 @@ class ImageDecoder {
   /// JPEG, PNG and what else OpenCV reads; of a Bayer mosaic, which the format names, the same grey as above.
   /// Throws std::exception.
   cv::Mat decode(const sensor_msgs::CompressedImage& message);
+  cv::Mat decode(const sensor_msgs::CompressedImageConstPtr& message) { return decode(*message); }
 
  private:
   cv::Mat toEightBits(const cv::Mat& image);

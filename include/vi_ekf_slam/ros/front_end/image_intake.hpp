@@ -30,10 +30,15 @@ class ImageIntake {
   /// pair.
   ImageIntake(const FullConfig& config, const InputTopics& topics, FeatureHandler on_features);
 
-  void addLeft(const sensor_msgs::ImageConstPtr& message) { pairing_.addLeft(pending(message)); }
-  void addRight(const sensor_msgs::ImageConstPtr& message) { pairing_.addRight(pending(message)); }
-  void addLeft(const sensor_msgs::CompressedImageConstPtr& message) { pairing_.addLeft(pending(message)); }
-  void addRight(const sensor_msgs::CompressedImageConstPtr& message) { pairing_.addRight(pending(message)); }
+  /// Raw or compressed images, by sensor_msgs' shared pointers to constant ones.
+  template <typename MessagePtr>
+  void addLeft(const MessagePtr& message) {
+    pairing_.addLeft(pending(message));
+  }
+  template <typename MessagePtr>
+  void addRight(const MessagePtr& message) {
+    pairing_.addRight(pending(message));
+  }
   void addLeftInfo(const sensor_msgs::CameraInfo& message) {
     calibration_.addLeft(message);
     begin();
@@ -74,8 +79,6 @@ class ImageIntake {
   std::uint64_t pairs() const { return counts_.pairs; }
   /// Features that went out.
   std::uint64_t features() const { return counts_.features; }
-  /// Pairs given up for newer ones.
-  std::uint64_t shed() const { return pairing_.counts().shed; }
   /// s of CPU time that the last pair took, without decoding.
   double lastSeconds() const { return last_seconds_; }
   /// Images and pairs that were of no or little use, by "images: reason".
@@ -98,7 +101,10 @@ class ImageIntake {
   };
 
   template <typename MessagePtr>
-  PendingImage pending(const MessagePtr& message);
+  PendingImage pending(const MessagePtr& message) {
+    return {conversions::toStamp(message->header.stamp),
+            [this, message] { return decoder_.decode(message); }};
+  }
   bool process(std::optional<PendingPair> pair);
   cv::Mat decode(const PendingImage& image, const char* side);
   void begin();

@@ -23,19 +23,15 @@ class FrameTree {
   /// Time begins anew: forgets what is not static.
   void restart() { buffer_.clear(); }
 
-  /// target_T_source, the newest that is known; nothing where nothing connects the two.
-  std::optional<SE3> find(const std::string& target, const std::string& source) const;
-  /// The same at a stamp, interpolated; nothing either where it is not known of that time (yet).
-  std::optional<SE3> findAt(const std::string& target, const std::string& source, Stamp stamp) const;
+  /// target_T_source at a stamp, interpolated (0: the newest that is known); nothing where nothing connects
+  /// the two, or where it is not known of that time (yet).
+  std::optional<SE3> find(const std::string& target, const std::string& source, Stamp stamp = 0) const;
   /// Up to which the two are known (0: for ever); nothing where they are not.
   std::optional<Stamp> newest(const std::string& target, const std::string& source) const;
   /// That somebody publishes still: its transform is static, or not older than some seconds; empty: none.
   std::string parentOf(const std::string& frame, Stamp now) const;
 
  private:
-  std::optional<SE3> lookUp(const std::string& target, const std::string& source,
-                            const ros::Time& time) const;
-
   tf2::BufferCore buffer_;
 };
 

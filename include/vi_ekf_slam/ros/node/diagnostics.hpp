@@ -31,6 +31,25 @@ class RateMeter {
   std::optional<ros::WallTime> last_;
 };
 
+/// diagnostic_updater's in the name of a node's parameters, since in a nodelet manager the process has
+/// another one, and by wall time, since the simulated clock of a bag may stand still.
+class DiagnosticUpdater : public diagnostic_updater::Updater {
+ public:
+  DiagnosticUpdater(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+      : Updater(nh, private_nh, private_nh.getNamespace()) {
+    setHardwareID("vi_ekf_slam");
+  }
+  /// Reports every ~diagnostic_period, 1 s where it is not set.
+  void reportIfDue() {
+    if (secondsSince(last_report_) < std::max(0.05, getPeriod())) return;
+    last_report_ = WorkQueue::Clock::now();
+    force_update();
+  }
+
+ private:
+  WorkQueue::Clock::time_point last_report_ = WorkQueue::Clock::now();
+};
+
 /// What /diagnostics says about the node.
 class Diagnostics {
  public:
@@ -43,7 +62,7 @@ class Diagnostics {
     const Results& results;
   };
 
-  Diagnostics(ros::NodeHandle nh, ros::NodeHandle private_nh, const Sources& sources);
+  Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, const Sources& sources);
 
   /// `arrival`: in the callback.
   void noteInput(Stream stream, const ros::Time& stamp, WorkQueue::Clock::time_point arrival);
@@ -55,13 +74,11 @@ class Diagnostics {
   /// Intake's, and what was shed before it.
   std::map<std::string, std::uint64_t> allTurnedAway() const;
   void noteOutput(const Output& output, bool is_frame);
-  void publish() { updater_.force_update(); }
+  void reportIfDue() { updater_.reportIfDue(); }
   /// The node ends by this: nothing is reported after it.
   void fail(const std::string& failure) {
     updater_.broadcast(diagnostic_msgs::DiagnosticStatus::ERROR, failure);
   }
-  /// s of wall time between reports: ~diagnostic_period, 1 s where it is not set.
-  double period() { return std::max(0.05, updater_.getPeriod()); }
 
  private:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
@@ -91,7 +108,7 @@ class Diagnostics {
   Stamp newest_output_ = 0;
   std::optional<Output> last_frame_;
   double slowest_update_s_ = 0.0; ///< since the last report
-  diagnostic_updater::Updater updater_;
+  DiagnosticUpdater updater_;
 };
 
 } // namespace vi_ekf_slam

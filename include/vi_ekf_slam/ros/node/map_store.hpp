@@ -25,12 +25,6 @@ class MapStore {
     std::string map_frame;
   };
 
-  /// Names of the private parameters that readSettings reads.
-  static constexpr const char *kMapFile = "map_file", *kResume = "resume";
-  /// `settings` with ~map_file and ~resume. Throws ConfigError in the name of `source`.
-  static Settings readSettings(const ros::NodeHandle& private_nh, const std::string& source,
-                               Settings settings);
-
   explicit MapStore(Settings settings) : settings_(std::move(settings)) {}
 
   /// Gives `system` what the settings want it to start with. What an earlier run left is moved to

@@ -44,6 +44,7 @@ class Services {
   void stop();
 
  private:
+  Results::Answer set(const std::string& what, const std::function<std::string()>& action);
   bool reset(std_srvs::Empty::Request& request, std_srvs::Empty::Response& response);
   bool setPose(SetPose::Request& request, SetPose::Response& response);
   bool setState(SetState::Request& request, SetState::Response& response);

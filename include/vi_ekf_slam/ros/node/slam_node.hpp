@@ -51,7 +51,6 @@ class SlamNode {
   /// still.
   struct Watch {
     WorkQueue::Clock::time_point start = WorkQueue::Clock::now();
-    WorkQueue::Clock::time_point last_report = start;
     WorkQueue::Clock::time_point last_look = start;
     WorkQueue::Clock::time_point last_warning = start;
     WorkQueue::Clock::time_point item_arrival = start;

@@ -13,28 +13,14 @@ namespace vi_ekf_slam {
 /// rviz draws no more points than this from one marker.
 constexpr std::size_t kMaxPointsPerMarker = 16384;
 
-/// Standard deviations (m) at the ends of the landmarks' colours, green and red; between them the scale is
-/// logarithmic, 1 m in its middle. 96 % of the landmarks of two recorded drives (0027, 0034) are between 0.2
-/// and 12 m.
-constexpr double kSigmaGreen = 0.1;
-constexpr double kSigmaRed = 10.0;
-
-/// How landmarks look in rviz.
-struct MarkerStyle {
-  std::string frame;   ///< of the positions
-  double size_m = 0.2; ///< m, edge of its square
-};
-
-/// Root mean square of the three standard deviations, m.
-double landmarkSigma(const LandmarkEstimate& landmark);
-
-/// POINTS markers with ids 0, 1, ... of at most kMaxPointsPerMarker points each, coloured by uncertainty;
-/// those of the `previous_markers` that are no longer needed are deleted.
+/// Landmarks whose positions are in `frame`: POINTS markers with ids 0, 1, ... of at most kMaxPointsPerMarker
+/// points each, coloured by uncertainty; those of the `previous_markers` that are no longer needed are
+/// deleted.
 visualization_msgs::MarkerArray toMarkers(const std::vector<LandmarkEstimate>& landmarks, Stamp stamp,
-                                          const MarkerStyle& style, std::size_t previous_markers);
+                                          const std::string& frame, std::size_t previous_markers);
 
-/// A LINE_LIST of its own namespace, `loop_closures`: a line between the two ends of each loop that was closed, as
-/// they are known now.
+/// A LINE_LIST of its own namespace, `loop_closures`: a line between the two ends of each loop that was
+/// closed, as they are known now.
 visualization_msgs::Marker loopMarker(const PathEstimate& path, Stamp stamp, const std::string& frame);
 
 /// One DELETEALL.

@@ -2,11 +2,11 @@
 
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "vi_ekf_slam/ros/output/latched_topic.hpp"
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
-#include "vi_ekf_slam/ros/output/pacer.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
@@ -29,7 +29,7 @@ class MapPublisher {
   void reset(std::optional<Stamp> stamp);
 
  private:
-  MarkerStyle style_;
+  std::string frame_; ///< the map's
   LandmarkSource landmarks_;
   PathSource path_;
   Pacer pacer_;

@@ -25,8 +25,7 @@ class OutputSequencer {
   explicit OutputSequencer(Sink sink, OdometryRate rate = OdometryRate::kImu)
       : sink_(std::move(sink)), rate_(rate) {}
 
-  void addGyro(const Output& output);
-  void addFrame(const Output& output);
+  void add(const Output& output, bool is_frame);
   /// The system has returned: what was held back leaves now.
   void endOfDrain();
 
