@@ -18,7 +18,7 @@ cmake --build "$build" --target tests -j"${JOBS:-$(nproc)}" >"$build/tests.log" 
 source_unset "$build/devel/setup.bash"
 
 # What one interpreter compiles the hundreds of others need not, even where PYTHONDONTWRITEBYTECODE is set.
-export PYTHONPYCACHEPREFIX="$build/pycache" PYTHONDONTWRITEBYTECODE=
+export PYTHONPYCACHEPREFIX="$build/.pycache" PYTHONDONTWRITEBYTECODE=
 
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"

@@ -4,10 +4,12 @@ Files have names of their own across the folders, which are no packages.
 """
 
 import contextlib
+import functools
 import io
 import json
 import os
 import runpy
+import shutil
 import subprocess
 import sys
 import traceback
@@ -102,6 +104,7 @@ def script_path(name):
     return os.path.join(ROOT, "scripts", name)
 
 
+@functools.lru_cache(maxsize=None)  # looks through all folders of the checkout
 def program(name):
     """Path of a program of the package in the workspace that is sourced."""
     from roslib.packages import find_node
@@ -158,6 +161,7 @@ def save(tmp_path):
     return write
 
 
+FRAMES = "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_ms"
 LANDMARK_HEADER = "id,x,y,z,xx,xy,xz,yy,yz,zz"
 TRUE_POSITIONS = [(5.0 * k, 0.2 * k * k, 0.0) for k in range(8)]
 
@@ -169,8 +173,12 @@ def tum(positions):
 
 @pytest.fixture
 def run(tmp_path):
-    """A run directory whose SLAM is right and whose dead reckoning is bent."""
-    folder = tmp_path / "run"
+    return write_run(tmp_path)
+
+
+def write_run(parent):
+    """A run directory `run` whose SLAM is right and whose dead reckoning is bent."""
+    folder = parent / "run"
     folder.mkdir()
     (folder / "trajectory.tum").write_text(tum(TRUE_POSITIONS))
     (folder / "dead_reckoning.tum").write_text(tum([(5.0 * k, 0.5 * k * k, 0.0) for k in range(8)]))
@@ -181,14 +189,56 @@ def run(tmp_path):
 
 
 @pytest.fixture
-def bag(save, tmp_path):
+def bag(tmp_path):
+    return write_bag(tmp_path)
+
+
+def write_bag(folder):
     """The bag of drive() with the truth of `run`."""
     from vi_ekf_slam.bag.converter import main as convert
-    truth = tmp_path / "truth.tum"
-    truth.write_text(tum(TRUE_POSITIONS))
-    path = str(tmp_path / "drive.bag")
-    assert convert([save(drive()), path, "--quiet", "--truth", str(truth)]) == 0
+    npz, truth, path = (str(folder / name) for name in ("drive.npz", "truth.tum", "drive.bag"))
+    np.savez(npz, **drive())
+    (folder / "truth.tum").write_text(tum(TRUE_POSITIONS))
+    assert convert([npz, path, "--quiet", "--truth", truth]) == 0
     return path
+
+
+@pytest.fixture
+def full_run(run):
+    """The run with covariances of (0.1 m)^2 and (0.01 rad)^2, and its frames: NIS 9 of 10 dof, k ms for frame k."""
+    return fill(run)
+
+
+def fill(run):
+    """What full_run has beyond `run`."""
+    from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS
+    stamps, diagonal = drive()["time_stamps"][0], [0.01] * 3 + [0.0001] * 3
+    row = ",".join("%g" % v for v in np.diag(diagonal)[np.triu_indices(6)])
+    (run / "covariance.csv").write_text(
+        "stamp," + ",".join(COVARIANCE_COLUMNS) + "\n" + "".join("%.9f,%s\n" % (t, row) for t in stamps))
+    (run / "frames.csv").write_text(
+        FRAMES + "\n" + "".join("%.9f,12,0,10,2,0,0,12,%d,9,10,%d\n" % (t, k == 5, k) for k, t in enumerate(stamps)))
+    return run
+
+
+@pytest.fixture(scope="module")
+def drawn_once(tmp_path_factory):
+    """What `drawn` copies, since drawing is slow: (folder, Ended of one run, Ended of two). In the folder are `run`, full_run
+    evaluated with the bag, and `out`, that run and its trajectory alone side by side."""
+    folder = tmp_path_factory.mktemp("drawn")
+    bag = write_bag(folder)
+    run = fill(write_run(folder))
+    both = [run, run / "trajectory.tum", "--name", "first", "--name", "second", "--output", folder / "out"]
+    return folder, script("evaluate.py", run, "--bag", bag), script("evaluate.py", *both, "--bag", bag)
+
+
+@pytest.fixture
+def drawn(drawn_once, tmp_path):
+    """(run, out, Ended of one run, Ended of two) of drawn_once; the folders are the caller's own."""
+    folder, one, two = drawn_once
+    for name in ("run", "out"):
+        shutil.copytree(str(folder / name), str(tmp_path / name))
+    return tmp_path / "run", tmp_path / "out", one, two
 
 
 def is_png(path):

@@ -1,7 +1,6 @@
 """The ROS messages of a converted drive, one function a message. SI units; frames as in REP 103."""
 
 import genpy
-import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TransformStamped, TwistWithCovarianceStamped, Vector3
 from nav_msgs.msg import Path
 from sensor_msgs.msg import CameraInfo, CompressedImage, Imu
@@ -105,4 +104,6 @@ def _transform(stamp, parent, child, parent_T_child):
 
 
 def _diagonal(variances):
-    return np.diag(variances).ravel().tolist()
+    matrix = [0.0] * len(variances)**2
+    matrix[::len(variances) + 1] = [float(variance) for variance in variances]
+    return matrix

@@ -1,5 +1,6 @@
 """What comes with the package: configurations for the estimator and for rviz, and its programs."""
 
+import functools
 import os
 
 from vi_ekf_slam.common.errors import InputError
@@ -14,6 +15,7 @@ def package_file(*parts):
         raise InputError("%s; source the workspace's setup.bash" % reason)
 
 
+@functools.lru_cache(maxsize=None)  # to find it is to look through all folders of the package
 def package_program(name):
     """Path of one of the package's programs in the workspace that is sourced."""
     try:

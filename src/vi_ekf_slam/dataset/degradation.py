@@ -38,12 +38,16 @@ def cut_to(dataset, ids, count):
 
 def keep_tracks(frames, every):
     """Every `every`-th track, counted in the order in which they appear."""
+    if every == 1:
+        return frames
     rank = {number: k for k, number in enumerate(dict.fromkeys(number for ids, _ in frames for number in ids))}
     return _select(frames, lambda number, k: rank[number] % every == 0)
 
 
 def cut_tracks(frames, longest=None, drop_last=0.0):
     """Take the tracks' ends away: all after the first `longest` observations, and the share `drop_last` of each."""
+    if longest is None and drop_last == 0.0:
+        return frames
     length, seen = Counter(number for ids, _ in frames for number in ids), Counter()
     kept = {number: max(1, int(np.ceil((1.0 - drop_last) * n - 1e-9))) for number, n in length.items()}
     if longest is not None:

@@ -25,18 +25,27 @@ def nees(errors, covariances):
     errors (N, n), covariances (N, n, n). The rows are scaled to a unit diagonal first: m^2 and rad^2 differ by orders
     of magnitude.
     """
+    errors, covariances = np.asarray(errors, dtype=float), np.asarray(covariances, dtype=float)
     result = np.full(len(errors), np.nan)
-    for k, (error, covariance) in enumerate(zip(errors, covariances)):
-        variances = np.diag(covariance)
-        if not (np.all(np.isfinite(covariance)) and np.all(variances > 0.0)):
-            continue
-        scale = 1.0 / np.sqrt(variances)
-        try:
-            lower = np.linalg.cholesky(scale[:, None] * covariance * scale)
-        except np.linalg.LinAlgError:
-            continue
-        result[k] = np.sum(np.linalg.solve(lower, scale * error) ** 2)
+    variances = np.diagonal(covariances, axis1=1, axis2=2)
+    rows = np.flatnonzero(np.isfinite(covariances).all(axis=(1, 2)) & (variances > 0.0).all(axis=1))
+    scales = 1.0 / np.sqrt(variances[rows])
+    scaled = scales[:, :, None] * covariances[rows] * scales[:, None, :]
+    try:
+        lower = np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:
+        definite = np.array([_is_positive_definite(matrix) for matrix in scaled])
+        rows, scales, lower = rows[definite], scales[definite], np.linalg.cholesky(scaled[definite])
+    result[rows] = np.sum(np.linalg.solve(lower, (scales * errors[rows])[:, :, None])[:, :, 0] ** 2, axis=1)
     return result
+
+
+def _is_positive_definite(matrix):
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def chi_square_bounds(dof, outside=0.05):

@@ -33,9 +33,12 @@ def cumulative_integral(t, values):
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None], axis=0)])
 
 
-def mean_rate(stamps, rates, begin, end):
-    """(N, 3) rad/s, mean of sampled rates between begin and end (N,) s, linear between samples; NaN outside of them."""
-    integral = cumulative_integral(stamps, rates)
+def mean_rate(stamps, rates, begin, end, integral=None):
+    """(N, 3) rad/s, mean of sampled rates between begin and end (N,) s, linear between samples; NaN outside of them.
+
+    integral: cumulative_integral of the samples, for who has it.
+    """
+    integral = cumulative_integral(stamps, rates) if integral is None else integral
 
     def at(t):
         k = np.clip(np.searchsorted(stamps, t, side="right") - 1, 0, len(stamps) - 2)
@@ -56,11 +59,12 @@ def _centred(camera, gyro):
 
 
 def _correlation(camera, gyro, mirrored=False):
-    """sup over rotations (reflections) C of <camera, C gyro> / (|camera| |gyro|)."""
+    """sup over rotations (reflections; None: both) C of <camera, C gyro> / (|camera| |gyro|)."""
     if len(camera) < LEAST_STEPS:
         return 0.0
     u, s, vt = np.linalg.svd(camera.T @ gyro)
-    sign = np.linalg.det(u @ vt) * (-1.0 if mirrored else 1.0)
+    sign = np.linalg.det(u @ vt)
+    sign = abs(sign) if mirrored is None else -sign if mirrored else sign
     return float((s[0] + s[1] + sign * s[2]) / max(1e-12, np.linalg.norm(camera) * np.linalg.norm(gyro)))
 
 
@@ -111,11 +115,12 @@ def align(motion, stamps, gyro):
 
 def _scan(offsets, t, gyro, camera, begin, end, keep):
     values = []
+    camera, begin, end, integral = camera[keep], begin[keep], end[keep], cumulative_integral(t, gyro)
     for offset in offsets:
-        c, g, known = _centred(camera[keep], mean_rate(t, gyro, begin[keep] + offset, end[keep] + offset))
+        c, g, known = _centred(camera, mean_rate(t, gyro, begin + offset, end + offset, integral))
         # An offset at which half of the frames lie outside of the gyro's time fits what is left too easily.
         share = known.mean() if len(known) else 0.0
-        values.append(max(_correlation(c, g), _correlation(c, g, True)) if share > 0.5 else 0.0)
+        values.append(_correlation(c, g, None) if share > 0.5 else 0.0)
     return np.array(values)
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import rosbag
-from conftest import TRUE_POSITIONS, drive, is_png, process, script, tum
+from conftest import FRAMES, TRUE_POSITIONS, drive, is_png, process, script, tum
 
 from vi_ekf_slam.bag.reader import read_reference
 from vi_ekf_slam.common.errors import InputError
@@ -21,20 +21,7 @@ from vi_ekf_slam.evaluation.run_inputs import default_names
 from vi_ekf_slam.evaluation.run_io import COVARIANCE_COLUMNS, read_covariances, read_frames
 
 STAMPS = drive()["time_stamps"][0]
-FRAMES = "stamp,features,invalid,used,rejected,initialised,removed,landmarks,frame_rejected,nis,nis_dof,update_ms"
 PICTURES = ["drift", "errors", "frames", "landmarks", "trajectory"]
-
-
-@pytest.fixture
-def full_run(run):
-    """The run with covariances of (0.1 m)^2 and (0.01 rad)^2, and its frames: NIS 9 of 10 dof, k ms for frame k."""
-    diagonal = [0.01] * 3 + [0.0001] * 3
-    row = ",".join("%g" % v for v in np.diag(diagonal)[np.triu_indices(6)])
-    (run / "covariance.csv").write_text(
-        "stamp," + ",".join(COVARIANCE_COLUMNS) + "\n" + "".join("%.9f,%s\n" % (t, row) for t in STAMPS))
-    (run / "frames.csv").write_text(
-        FRAMES + "\n" + "".join("%.9f,12,0,10,2,0,0,12,%d,9,10,%d\n" % (t, k == 5, k) for k, t in enumerate(STAMPS)))
-    return run
 
 
 def numbers(run):
@@ -42,8 +29,8 @@ def numbers(run):
         return json.load(stream)
 
 
-def test_table_json_and_pictures(full_run, bag):
-    done = script("evaluate.py", full_run, "--bag", bag)
+def test_table_json_and_pictures(drawn):
+    full_run, _, done, _ = drawn
     assert done.returncode == 0 and done.stderr == "", done.stderr
     lines = done.stdout.splitlines()
     assert lines[0].split() == ["run", "run", "run"] and lines[1].split()[-3:] == ["dead", "reckoning", "SLAM"]
@@ -105,30 +92,33 @@ def test_without_truth_there_are_pictures_and_timing(full_run):
     assert data["slam"] is None and data["consistency"] is None and data["timing"]["frame_longest_ms"] == 7.0
 
 
-def test_an_evaluation_with_truth_is_not_replaced_by_one_without(full_run, bag, tmp_path):
-    assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
+def test_an_evaluation_with_truth_is_not_replaced_by_one_without(drawn, tmp_path):
+    full_run, both_out, one, two = drawn
+    assert one.returncode == 0
     before = {path.name: path.read_bytes() for path in full_run.iterdir()}
     assert "evaluation_drift.png" in before
     for more in ([], ["--no-plots"]):
         done = script("evaluate.py", full_run, *more)
         assert done.returncode == 0 and "kept: %s" % (full_run / "evaluation.json") in done.stdout, done.stderr
         assert {path.name: path.read_bytes() for path in full_run.iterdir()} == before
-    out = tmp_path / "out"
+    out = tmp_path / "elsewhere"
     assert "kept" not in script("evaluate.py", full_run, "--output", out, "--no-plots").stdout
     assert numbers(out)["slam"] is None
 
     # Of several runs, in their common folder.
-    both = [full_run, full_run / "trajectory.tum", "--output", out]
-    assert script("evaluate.py", *both, "--bag", bag).returncode == 0
-    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    assert two.returncode == 0
+    before = {path.name: path.read_bytes() for path in both_out.iterdir() if path.is_file()}
+    both = [full_run, full_run / "trajectory.tum", "--name", "first", "--name", "second", "--output", both_out]
     assert script("evaluate.py", *both).returncode == 0
-    assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before
+    assert {path.name: path.read_bytes() for path in both_out.iterdir() if path.is_file()} == before
 
 
-def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(full_run, bag):
+def test_pictures_of_an_earlier_evaluation_do_not_outlive_it(drawn, bag):
+    full_run, _, done, _ = drawn
+
     def pictures():
         return sorted(name[len("evaluation_"):-len(".png")] for name in os.listdir(str(full_run)) if name.endswith(".png"))
-    assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
+    assert done.returncode == 0
     assert pictures() == PICTURES
     (full_run / "frames.csv").unlink()
     assert script("evaluate.py", full_run, "--bag", bag).returncode == 0
@@ -191,10 +181,8 @@ def test_kitti_exports_match_row_by_row(full_run, save, tmp_path):
         assert len(read_pose_file(str(full_run / "export" / (name + "_kitti.txt")))[1]) == 6
 
 
-def test_several_runs_side_by_side(full_run, bag, tmp_path):
-    out = tmp_path / "out"
-    other = full_run / "trajectory.tum"
-    done = script("evaluate.py", full_run, "--bag", bag, other, "--name", "first", "--name", "second", "--output", out)
+def test_several_runs_side_by_side(drawn):
+    _, out, _, done = drawn
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[0].split() == ["run", "first", "first", "second"]
     assert is_png(out / "evaluation_comparison.png") and is_png(out / "evaluation_comparison_drift.png")
@@ -219,7 +207,7 @@ def test_poses_without_truth_beside_them_are_remarked():
 def test_a_truth_sparser_than_the_trajectory_is_remarked(full_run, tmp_path):
     truth = tmp_path / "truth.tum"
     truth.write_text("".join(tum(TRUE_POSITIONS).splitlines(True)[1::3]))
-    done = script("evaluate.py", full_run, "--truth", truth)
+    done = script("evaluate.py", full_run, "--truth", truth, "--no-plots")
     assert "run: the truth is sparser than the trajectory, 0.3 s between its poses" in done.stdout, done.stderr
     assert "have no truth beside them" not in done.stdout
     assert numbers(full_run)["slam"]["matched"] == numbers(full_run)["consistency"]["poses"] == 3

@@ -1,7 +1,5 @@
 """What breaks a rig: each takes the entries of rigs.message_list, changes them in place or leaves some out, and returns them."""
 
-import copy
-
 import genpy
 import numpy as np
 import rigs
@@ -109,7 +107,7 @@ def one_above_the_other(_, right):
 
 def sent_twice(entries, *topics):
     """Again half of a period later, with a stamp of that time."""
-    again = copy.deepcopy(rigs.of(entries, *topics))
+    again = rigs.copies(rigs.of(entries, *topics))
     for entry in again:
         entry[1] = entry[1] + genpy.Duration(nsecs=50000000)
         entry[2].header.stamp = entry[2].header.stamp + genpy.Duration(nsecs=50000000)

@@ -1,6 +1,7 @@
 """Broken rigs of features and an IMU: the fault is named first, and nothing is wrong with those that are sound."""
 
 import argparse
+import functools
 
 import genpy
 import numpy as np
@@ -89,10 +90,20 @@ FAULTS = {
 }
 
 
+@pytest.fixture(scope="module")
+def report_of(sound, tmp_path_factory):
+    """The report of the rig with a fault of FAULTS, made once."""
+    @functools.lru_cache(maxsize=None)
+    def report(name):
+        _, _, breaking, with_velocity = FAULTS[name]
+        return judge(tmp_path_factory.mktemp("fault") / "broken.bag", breaking(rigs.copies(sound[with_velocity])))
+    return report
+
+
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_the_fault_is_named_first(name, sound, tmp_path):
-    level, words, breaking, with_velocity = FAULTS[name]
-    report = judge(tmp_path / "broken.bag", breaking(rigs.copies(sound[with_velocity])))
+def test_the_fault_is_named_first(name, report_of):
+    level, words, _, _ = FAULTS[name]
+    report = report_of(name)
     first = report.first
     assert first is not None and first.level == level and words in first.text, report.findings
     assert first.figure or first.limit
@@ -166,9 +177,9 @@ def test_nothing_is_wrong_where_frames_lie_between_samples_of_the_imu(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["inverted", "left out", "turned", "axes exchanged"])
-def test_the_rotation_that_is_told_mends_the_rig(name, sound, tmp_path):
+def test_the_rotation_that_is_told_mends_the_rig(name, report_of, sound, tmp_path):
     entries = FAULTS[name][2](rigs.copies(sound[False]))
-    advice = judge(tmp_path / "broken.bag", entries).first.advice.split()
+    advice = report_of(name).first.advice.split()
     told = [float(word) for word in advice[advice.index("Z") + 1:][:4]]
     extrinsic(entries, make_transform(quaternion_to_rotation(told), C[:3, 3]))
     assert not [finding for finding in judge(tmp_path / "mended.bag", entries).findings if finding.check == "rotation" and finding.level != GREEN]

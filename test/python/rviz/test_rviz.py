@@ -156,7 +156,7 @@ def test_a_broken_configuration_is_a_failure(folder):
     displays["Landmarks"]["Class"] = "rviz/NoSuchDisplay"
     (folder / "broken.rviz").write_text(yaml.safe_dump(config))
     done = script("render_rviz.py", folder / "outputs.bag", folder / "broken.png", "--config", folder / "broken.rviz",
-               "--rate", 20)
+               "--rate", 20, "--size", 300, 200)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "display 'Path': its topic /odometry is published as nav_msgs/Odometry" in done.stderr
     assert "display 'Landmarks from afar': its topic /no_such_topic is not published" in done.stderr

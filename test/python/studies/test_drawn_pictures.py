@@ -23,16 +23,12 @@ CENTRE, FOCAL_LENGTH = 0.5 * (np.array(Pinhole.size) - 1), Pinhole.focal_length
 
 def distances(rectangles, origin, rays):
     """(N,) of the nearest rectangle along each of rays (N, 3) from origin, in their lengths; inf: none."""
-    nearest = np.zeros(len(rays))  # its inverse
-    for rectangle in rectangles:
-        frame = rectangle.frame - np.outer(origin, [0, 0, 1.0])
-        if abs(np.linalg.det(frame)) < 1e-9:
-            continue
-        a, b, w = np.linalg.solve(frame, rays.T)
-        hit = (w > nearest) & (a >= 0) & (b >= 0) & (a <= w) & (b <= w)
-        nearest[hit] = w[hit]
+    frames = np.array([rectangle.frame for rectangle in rectangles]) - np.outer(origin, [0, 0, 1.0])
+    frames = frames[np.abs(np.linalg.det(frames)) >= 1e-9]
+    a, b, w = np.moveaxis(np.linalg.solve(frames, rays.T[None]), 1, 0)
+    hit = (w > 0) & (a >= 0) & (b >= 0) & (a <= w) & (b <= w)
     with np.errstate(divide="ignore"):
-        return 1.0 / nearest
+        return 1.0 / np.max(w, axis=0, where=hit, initial=0.0)  # of its inverse
 
 
 def make_perfect(tracks, perfect, scene, motion, imu_T_left):

@@ -128,8 +128,9 @@ def _draw_pictures(base, motion, stamps, cameras, lens, options, random):
         t = (stamp - START) * 1e-9
         gain = 1.0 + options.exposure_drift * np.sin(0.7 * t)
         for name, imu_T_cam in zip(("cam0", "cam1"), cameras):
-            image = np.mean([lens.draw(scene + [face for car in cars for face in car.at(t + d)],
-                                       inverse(motion.pose(t + d) @ imu_T_cam)) for d in moments], axis=0)
+            drawn = [lens.draw(scene + [face for car in cars for face in car.at(t + d)], inverse(motion.pose(t + d) @ imu_T_cam))
+                     for d in moments]
+            image = drawn[0] if len(drawn) == 1 else np.mean(drawn, axis=0)
             image = gain * image + options.pixel_noise * random.normal(size=image.shape)
             path = os.path.join(base, name, "data", "%d.jpg" % stamp)
             pixels = np.clip(np.rint(image), 0, 255).astype(np.uint8)

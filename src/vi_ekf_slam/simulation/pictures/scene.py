@@ -39,7 +39,8 @@ def draw(rectangles, cam_T_world, intrinsics, size):
     nearest = np.zeros((height, width), dtype=np.float32)  # 1 / depth
     corners = np.array([rectangle.corners for rectangle in rectangles]).reshape(-1, 4, 3) @ cam_T_world[:3, :3].T + cam_T_world[:3, 3]
     for k, (left, top, right, bottom), closest in _in_reach(corners, intrinsics, size):
-        if closest <= nearest[top:bottom, left:right].min():  # behind what is drawn already
+        drawn = nearest[top:bottom, left:right]
+        if closest <= drawn.min():  # behind what is drawn already
             continue
         rectangle = rectangles[k]
         frame = cam_T_world[:3, :3] @ rectangle.frame
@@ -51,7 +52,9 @@ def draw(rectangles, cam_T_world, intrinsics, size):
         rows = np.linalg.inv(plane)
         u, v = np.arange(left, right, dtype=np.float64), np.arange(top, bottom, dtype=np.float64)[:, None]
         a, b, w = (row[0] * u + (row[1] * v + row[2]) for row in rows)
-        where = (a >= 0) & (b >= 0) & (a <= w) & (b <= w) & (w > nearest[top:bottom, left:right]) & (w < 1.0 / NEAR)
+        where = w > drawn
+        for more in (a >= 0, b >= 0, a <= w, b <= w, w < 1.0 / NEAR):
+            where &= more
         if not where.any():
             continue
         texture = rectangle.pyramid[_level(rectangle, a, b, w, where)]
@@ -61,8 +64,8 @@ def draw(rectangles, cam_T_world, intrinsics, size):
         shift = np.array([[1.0, 0, -left], [0, 1.0, -top], [0, 0, 1.0]])
         warped = cv2.warpPerspective(texture, shift @ texel, (right - left, bottom - top), flags=cv2.INTER_LINEAR,
                                      borderMode=cv2.BORDER_REPLICATE)
-        image[top:bottom, left:right][where] = warped[where]
-        nearest[top:bottom, left:right][where] = w[where]
+        np.copyto(image[top:bottom, left:right], warped, where=where)
+        np.copyto(drawn, w, casting="same_kind", where=where)
     return image
 
 
@@ -103,9 +106,10 @@ def _box(corners, intrinsics, size):
 
 def _level(rectangle, a, b, w, where):
     """The pyramid's level with about one texture pixel a pixel, where most of the rectangle is seen."""
-    share = np.ptp((a[where] / w[where])) * np.ptp((b[where] / w[where]))  # of the texture that is in view
+    w = w[where]
+    share = np.ptp(a[where] / w) * np.ptp(b[where] / w)  # of the texture that is in view
     texels = max(share, 1e-9) * rectangle.pyramid[0].size
-    return min(int(0.5 * np.log2(max(texels / where.sum(), 1.0)) + 0.5), LEVELS - 1)
+    return min(int(0.5 * np.log2(max(texels / len(w), 1.0)) + 0.5), LEVELS - 1)
 
 
 def box(corner, sides, random):

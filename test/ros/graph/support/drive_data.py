@@ -1,5 +1,6 @@
 """A short drive with exact geometry, as messages: the input of the node's tests."""
 
+import functools
 import math
 
 import numpy as np
@@ -28,6 +29,7 @@ def program(name):
     return program_of("vi_ekf_slam", name)
 
 
+@functools.lru_cache(maxsize=None)  # looks through all folders of the package
 def program_of(package, name):
     """Path of a program of any package."""
     return find_node(package, name)[0]  # unlike rosrun it does look below the package's own build folder
