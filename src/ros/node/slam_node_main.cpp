@@ -3,6 +3,7 @@
 #include <ros/ros.h>
 #include <ros/xmlrpc_manager.h>
 
+#include <atomic>
 #include <csignal>
 #include <stdexcept>
 
@@ -19,13 +20,15 @@ constexpr char kWhat[] =
 constexpr double kSpinPeriod = 0.05; // s
 constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
 
-volatile std::sig_atomic_t g_stop = 0;
+// Of a signal, or of the thread that answers the master.
+std::atomic<bool> g_stop{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
 
-void requestStop(int /*signal*/) { g_stop = 1; }
+void requestStop(int /*signal*/) { g_stop = true; }
 
 /// `rosnode kill` and a second node of the same name.
 void requestStopByMaster(XmlRpc::XmlRpcValue& /*parameters*/, XmlRpc::XmlRpcValue& result) {
-  g_stop = 1;
+  g_stop = true;
   result = ros::xmlrpc::responseInt(1, "", 0);
 }
 
@@ -58,7 +61,7 @@ int main(int argc, char** argv) {
   try {
     vi_ekf_slam::SlamNode node(nh, private_nh);
     ros::CallbackQueue& queue = *ros::getGlobalCallbackQueue();
-    while (g_stop == 0 && ros::ok() && node.failure().empty()) {
+    while (!g_stop && ros::ok() && node.failure().empty()) {
       queue.callAvailable(ros::WallDuration(kSpinPeriod));
     }
     if (ros::ok()) drain(queue);
