@@ -20,9 +20,11 @@ namespace {
 constexpr std::chrono::milliseconds kWatchPeriod{50};
 constexpr std::chrono::milliseconds kHandOver{200}; // what was received is in the manager's queue still
 
-volatile std::sig_atomic_t g_stop = 0;
+// The signal may come in any of the manager's threads.
+std::atomic<bool> g_stop{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
 
-void requestStop(int /*signal*/) { g_stop = 1; }
+void requestStop(int /*signal*/) { g_stop = true; }
 
 /// roscpp's own handler of SIGINT drops what was received, and nobody handles SIGTERM and SIGHUP: the process
 /// would end with nothing saved. With these everything is saved first, and then the manager shuts down. They
@@ -45,7 +47,7 @@ class StopHandlers {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (--running_ > 0) return;
     for (std::size_t i = 0; i < kSignals.size(); ++i) sigaction(kSignals[i], &before_[i], nullptr);
-    if (g_stop != 0) ros::requestShutdown();
+    if (g_stop) ros::requestShutdown();
   }
 
  private:
@@ -101,7 +103,7 @@ class SlamNodelet : public nodelet::Nodelet {
     while (!leaving_) {
       std::this_thread::sleep_for(kWatchPeriod);
       const bool failed = !node_->failure().empty();
-      if (g_stop == 0 && !failed) continue;
+      if (!g_stop && !failed) continue;
       if (!failed) std::this_thread::sleep_for(kHandOver);
       node_->finish();
       if (failed) {
