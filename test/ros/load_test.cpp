@@ -7,7 +7,7 @@
 #include "vi_ekf_slam/ros/input/feature_screen.hpp"
 #include "vi_ekf_slam/ros/node/latency_meter.hpp"
 #include "vi_ekf_slam/ros/node/work_queue.hpp"
-#include "vi_ekf_slam/ros/output/latched_topic.hpp"
+#include "vi_ekf_slam/ros/output/pacer.hpp"
 
 namespace vi_ekf_slam {
 namespace {

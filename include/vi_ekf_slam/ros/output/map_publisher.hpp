@@ -7,6 +7,7 @@
 
 #include "vi_ekf_slam/ros/output/latched_topic.hpp"
 #include "vi_ekf_slam/ros/output/map_messages.hpp"
+#include "vi_ekf_slam/ros/output/pacer.hpp"
 #include "vi_ekf_slam/ros/ros_config.hpp"
 
 namespace vi_ekf_slam {
