@@ -22,6 +22,7 @@
 #include "vi_ekf_slam/core/run/run_writer.hpp"
 #include "vi_ekf_slam/core/sensors/words.hpp"
 #include "vi_ekf_slam/ros/map_file.hpp"
+#include "vi_ekf_slam/ros/node/stop_request.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -29,8 +30,6 @@ namespace {
 constexpr int kOk = 0;
 constexpr int kUsage = 1;
 constexpr int kInput = 2;
-
-volatile std::sig_atomic_t g_stop = 0;
 
 /// Of the first stream whose most messages were dropped for their stamps.
 std::string droppedProblem(const SystemCounts& counts, const MeasurementBuffer::Options& buffer) {
@@ -228,9 +227,9 @@ int run(const RunBagOptions& options) {
   try {
     input.feed(intake, [&progress](double share) {
       progress.show(share);
-      return g_stop == 0;
+      return !g_stop;
     });
-    if (g_stop != 0) problem = "interrupted; what was computed so far is written";
+    if (g_stop) problem = "interrupted; what was computed so far is written";
   } catch (const BagError& e) {
     if (intake.received() == 0) throw; // nothing to write
     problem = e.what();
@@ -283,8 +282,8 @@ int run(const RunBagOptions& options) {
 int main(int argc, char** argv) {
   using namespace vi_ekf_slam;
   keepFreedMemory();
-  std::signal(SIGINT, [](int) { g_stop = 1; });
-  std::signal(SIGTERM, [](int) { g_stop = 1; });
+  std::signal(SIGINT, requestStop);
+  std::signal(SIGTERM, requestStop);
   try {
     const RunBagOptions options = parseRunBagOptions(argc, argv);
     if (options.help) {

@@ -3,15 +3,18 @@
 #include <ros/ros.h>
 #include <ros/xmlrpc_manager.h>
 
-#include <atomic>
 #include <csignal>
 #include <stdexcept>
 
 #include "vi_ekf_slam/core/run/memory.hpp"
 #include "vi_ekf_slam/ros/node/node_arguments.hpp"
 #include "vi_ekf_slam/ros/node/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/stop_request.hpp"
 
 namespace {
+
+using vi_ekf_slam::g_stop;
+using vi_ekf_slam::requestStop;
 
 constexpr char kWhat[] =
     "\nThe SLAM node: IMU, velocity and stereo features in; pose, path and map out. It waits for a master.\n"
@@ -19,12 +22,6 @@ constexpr char kWhat[] =
     "Topics are in docs/own_rig.md, parameters in docs/configuration.md.\n";
 constexpr double kSpinPeriod = 0.05; // s
 constexpr double kDrainLimit = 2.0;  // s; the callbacks only hand messages on
-
-// Of a signal, or of the thread that answers the master.
-std::atomic<bool> g_stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
-
-void requestStop(int /*signal*/) { g_stop = true; }
 
 /// `rosnode kill` and a second node of the same name.
 void requestStopByMaster(XmlRpc::XmlRpcValue& /*parameters*/, XmlRpc::XmlRpcValue& result) {

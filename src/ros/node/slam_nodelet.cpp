@@ -13,18 +13,13 @@
 #include <thread>
 
 #include "vi_ekf_slam/ros/node/slam_node.hpp"
+#include "vi_ekf_slam/ros/node/stop_request.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 constexpr std::chrono::milliseconds kWatchPeriod{50};
 constexpr std::chrono::milliseconds kHandOver{200}; // what was received is in the manager's queue still
-
-// The signal may come in any of the manager's threads.
-std::atomic<bool> g_stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may set it");
-
-void requestStop(int /*signal*/) { g_stop = true; }
 
 /// roscpp's own handler of SIGINT drops what was received, and nobody handles SIGTERM and SIGHUP: the process
 /// would end with nothing saved. With these everything is saved first, and then the manager shuts down. They
