@@ -1,6 +1,6 @@
 """Rigs in perfect order, in memory, and bags of them with something broken. SI units, stamps in ns."""
 
-import copy
+import io
 import subprocess
 
 import cv2
@@ -159,4 +159,11 @@ def read(path, span):
 
 def copies(entries):
     """The same, to be broken."""
-    return copy.deepcopy(entries)
+    return [[topic, time, _copy(message)] for topic, time, message in entries]
+
+
+def _copy(message):
+    """What would be read from a bag: ten times as fast as deepcopy."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return type(message)().deserialize(buffer.getvalue())
