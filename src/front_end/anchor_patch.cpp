@@ -34,11 +34,12 @@ constexpr int kWideHalf = AnchorPatch::kHalf + 1, kWide = 2 * kWideHalf + 1;
 constexpr int kSamples = kWide * kWide, kPaddedSamples = (kSamples + 15) / 16 * 16;
 using Samples = Eigen::Array<float, kPaddedSamples, 1>;
 
-/// px, across or down, from the patch's centre.
-Samples grid(bool is_across) {
-  Samples values = Samples::Zero();
-  for (int i = 0; i < kSamples; ++i)
-    values[i] = static_cast<float>((is_across ? i % kWide : i / kWide) - kWideHalf);
+/// px, across or down, from the centre of a square of `side` px.
+template <typename Values>
+Values grid(int side, bool is_across) {
+  Values values = Values::Zero();
+  for (int i = 0; i < side * side; ++i)
+    values[i] = static_cast<float>((is_across ? i % side : i / side) - side / 2);
   return values;
 }
 
@@ -56,7 +57,7 @@ bool sample(const cv::Mat& image, const AnchorPatch::Warp& warp, Samples& out) {
                          cx + reach_x < static_cast<float>(image.cols - 1) - kRounding &&
                          cy + reach_y < static_cast<float>(image.rows - 1) - kRounding;
   if (!is_inside) return false; // NaN too
-  static const Samples u = grid(true), v = grid(false);
+  static const Samples u = grid<Samples>(kWide, true), v = grid<Samples>(kWide, false);
   const Samples inverse = (1.0f + warp.slant.x() * u + warp.slant.y() * v).inverse();
   const Samples x = cx + (A(0, 0) * u + A(0, 1) * v) * inverse;
   const Samples y = cy + (A(1, 0) * u + A(1, 1) * v) * inverse;
@@ -108,19 +109,6 @@ AnchorPatch::Warp compose(const AnchorPatch::Warp& warp, const AnchorPatch::Para
 
 } // namespace
 
-const AnchorPatch::Pixels& AnchorPatch::coordinates(Axis axis) {
-  const auto fill = [](bool is_across) {
-    Pixels values = Pixels::Zero();
-    Eigen::Index i = 0;
-    for (int v = -kHalf; v <= kHalf; ++v) {
-      for (int u = -kHalf; u <= kHalf; ++u) values[i++] = static_cast<float>(is_across ? u : v) / kHalf;
-    }
-    return values;
-  };
-  static const Pixels across = fill(true), down = fill(false);
-  return axis == Axis::kAcross ? across : down;
-}
-
 bool AnchorPatch::look(const cv::Mat& image, const Warp& warp, View& view) {
   Samples wide;
   if (!sample(image, warp, wide)) return false;
@@ -148,7 +136,8 @@ std::unique_ptr<const AnchorPatch> AnchorPatch::cut(const cv::Mat& image, const 
 }
 
 AnchorPatch::Normal AnchorPatch::linearise(const View& there, float correlation) const {
-  const Pixels &x = coordinates(Axis::kAcross), &y = coordinates(Axis::kDown);
+  constexpr float half = kHalf;
+  static const Pixels x = grid<Pixels>(kSide, true) / half, y = grid<Pixels>(kSide, false) / half;
   Eigen::Matrix<float, kPadded, Parameters::RowsAtCompileTime> J;
   // Between both views: the error is of second order then.
   J.col(0) = 0.5f * (view_.across + there.across);

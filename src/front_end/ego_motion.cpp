@@ -109,14 +109,9 @@ double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point) {
 }
 
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
-                                  const SE3& guess) {
-  return fitMotion(camera, displacements, guess, Turns::kFreely);
-}
-
-std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
-                                  const SE3& guess, const SE3& told) {
+                                  const SE3& guess, const std::optional<SE3>& told) {
   const auto motion = fitMotion(camera, displacements, guess, Turns::kFreely);
-  const auto as_told = fitMotion(camera, displacements, told, Turns::kAsGuessed);
+  const auto as_told = told ? fitMotion(camera, displacements, *told, Turns::kAsGuessed) : std::nullopt;
   if (!motion || !as_told) return motion ? motion : as_told;
   const double angle = so3::Log(motion->rotation() * as_told->rotation().transpose()).norm();
   if (camera.fu * angle <= kOtherwise) return motion;

@@ -25,11 +25,6 @@ void GyroRotation::forgetBefore(Stamp stamp) {
   while (samples_.size() >= 2 && samples_[1].stamp <= stamp) samples_.pop_front();
 }
 
-std::optional<Stamp> GyroRotation::newest() const {
-  if (samples_.empty()) return std::nullopt;
-  return samples_.back().stamp;
-}
-
 Eigen::Vector3d GyroRotation::rateAt(Stamp stamp) const {
   const auto after = std::lower_bound(samples_.begin(), samples_.end(), stamp,
                                       [](const Sample& s, Stamp t) { return s.stamp < t; });

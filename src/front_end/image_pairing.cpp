@@ -38,12 +38,16 @@ void ImagePairing::add(PendingImage image, Camera& camera) {
   if (image.stamp > newest_ || secondsBetween(image.stamp, newest_) > kPairingJump) newest_ = image.stamp;
   camera.waiting.push_back({std::move(image), since});
   pairUp();
-  auto& waiting = camera.waiting;
+  const auto& waiting = camera.waiting;
   while (!waiting.empty() && (waiting.size() > kMaxQueue ||
                               secondsBetween(waiting.front().image.stamp, newest_) > options_.max_wait_s)) {
-    waiting.pop_front();
-    ++(counts_.*camera.alone);
+    dropOldest(camera);
   }
+}
+
+void ImagePairing::dropOldest(Camera& camera) {
+  camera.waiting.pop_front();
+  ++(counts_.*camera.alone);
 }
 
 void ImagePairing::noteGyro(Stamp stamp) {
@@ -52,10 +56,6 @@ void ImagePairing::noteGyro(Stamp stamp) {
 }
 
 void ImagePairing::pairUp() {
-  const auto drop = [this](Camera& camera) {
-    camera.waiting.pop_front();
-    ++(counts_.*camera.alone);
-  };
   auto &left = left_.waiting, &right = right_.waiting;
   while (!left.empty() && !right.empty()) {
     const double apart = secondsBetween(left.front().image.stamp, right.front().image.stamp);
@@ -65,7 +65,7 @@ void ImagePairing::pairUp() {
       left.pop_front();
       right.pop_front();
     } else {
-      drop(apart > 0.0 ? left_ : right_); // all that follow of the other one are later still
+      dropOldest(apart > 0.0 ? left_ : right_); // all that follow of the other one are later still
     }
   }
   while (pairs_.size() > kMaxQueue) {

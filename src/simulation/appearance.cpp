@@ -11,18 +11,10 @@ constexpr double kPerDistance = 0.8; // k
 constexpr double kMiddleLog = 2.7;   // of a distance of 15 m: about it distances count most
 constexpr double kWholeRange = 18446744073709551616.0; // 2^64
 
-/// SplitMix64 (Steele, Lea and Flood 2014): one number from another, as if by chance.
-std::uint64_t hash(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
-  return x ^ (x >> 31);
-}
-
 } // namespace
 
 Appearance::Appearance(const DriveOptions& options)
-    : seed_(hash(options.seed)),
+    : seed_(mix(options.seed)),
       alike_share_(options.alike_share),
       random_(options.seed, RandomStream::kAppearance) {
   if (!options.descriptors) return;
@@ -30,16 +22,16 @@ Appearance::Appearance(const DriveOptions& options)
 }
 
 Descriptor Appearance::describe(std::uint64_t look, const Eigen::Vector3d& way) {
-  const std::uint64_t chance = hash(seed_ ^ hash(look));
+  const std::uint64_t chance = mix(seed_ ^ mix(look));
   const bool is_alike = static_cast<double>(chance) < alike_share_ * kWholeRange;
-  const std::uint64_t pattern = is_alike ? hash(seed_ + hash(chance) % kKinds) : hash(chance);
+  const std::uint64_t pattern = is_alike ? mix(seed_ + mix(chance) % kKinds) : mix(chance);
   const double distance = way.norm();
   Eigen::Matrix<double, 5, 1> view;
   view << way / distance, kPerDistance * (std::log(distance) - kMiddleLog), 1.0;
   const Eigen::Matrix<double, 256, 1> response = responses_ * view;
   Descriptor descriptor{};
   for (std::size_t word = 0; word < 4; ++word) {
-    const std::uint64_t bits = hash(pattern + word);
+    const std::uint64_t bits = mix(pattern + word);
     for (std::size_t i = 0; i < 64; ++i) {
       const bool is_turned = response[static_cast<Eigen::Index>(64 * word + i)] > 0.0;
       if (((bits >> i & 1) != 0) != is_turned)

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 namespace vi_ekf_slam::simulation {
 namespace {
@@ -14,8 +15,10 @@ using O = DriveOptions;
 
 constexpr double kLeastRate = 0.5; // Hz
 constexpr double kMostStale = 0.5; // of the frames; beyond it little is left of what the drive is to show
-constexpr MotionModel kMotions[] = {MotionModel::kCarDrive, MotionModel::kProcessModel,
-                                    MotionModel::kHandheld, MotionModel::kInertialCar};
+constexpr std::pair<MotionModel, const char*> kMotions[] = {{MotionModel::kCarDrive, "car"},
+                                                            {MotionModel::kProcessModel, "process"},
+                                                            {MotionModel::kHandheld, "handheld"},
+                                                            {MotionModel::kInertialCar, "inertial-car"}};
 
 std::string number(double value) {
   std::ostringstream out;
@@ -34,19 +37,23 @@ std::string allowed(const DriveOptionField& field) {
          number(field.max) + (*field.unit ? std::string(" ") + field.unit : "");
 }
 
-[[noreturn]] void refuse(const DriveOptionField& field, const std::string& value) {
-  throw std::invalid_argument("option '" + std::string(field.name) + "' is '" + value +
-                              "', allowed: " + allowed(field));
+void require(bool condition, const std::string& name, const std::string& value, const std::string& allowed) {
+  if (!condition)
+    throw std::invalid_argument("option '" + name + "' is '" + value + "', allowed: " + allowed);
+}
+
+void require(bool condition, const DriveOptionField& field, const std::string& value) {
+  require(condition, field.name, value, allowed(field));
 }
 
 void checkRange(const DriveOptionField& field, double value) {
-  if (!(value >= field.min && value <= field.max)) refuse(field, number(value));
+  require(value >= field.min && value <= field.max, field, number(value));
 }
 
 double parseDouble(const DriveOptionField& field, const std::string& text) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0') refuse(field, text);
+  require(!text.empty() && *end == '\0', field, text);
   checkRange(field, value);
   return value;
 }
@@ -55,28 +62,15 @@ std::uint64_t parseSeed(const DriveOptionField& field, const std::string& text) 
   std::istringstream in(text);
   std::uint64_t value = 0;
   const bool digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
-  if (!digits || !(in >> value)) refuse(field, text);
+  require(digits && in >> value, field, text);
   return value;
-}
-
-void require(bool condition, const std::string& what) {
-  if (!condition) throw std::invalid_argument(what);
 }
 
 } // namespace
 
 const char* nameOf(MotionModel motion) {
-  switch (motion) {
-    case MotionModel::kCarDrive:
-      return "car";
-    case MotionModel::kProcessModel:
-      return "process";
-    case MotionModel::kHandheld:
-      return "handheld";
-    case MotionModel::kInertialCar:
-      return "inertial-car";
-  }
-  return "";
+  const auto is_it = [motion](const auto& named) { return named.first == motion; };
+  return std::find_if(std::begin(kMotions), std::end(kMotions), is_it)->second;
 }
 
 const std::vector<DriveOptionField>& driveOptionFields() {
@@ -163,18 +157,18 @@ void setDriveOption(DriveOptions& options, const std::string& name, const std::s
       options.*(*d) = parseDouble(field, text);
     } else if (const auto* i = std::get_if<int O::*>(&field.member)) {
       const double value = parseDouble(field, text);
-      if (value != std::floor(value)) refuse(field, text);
+      require(value == std::floor(value), field, text);
       options.*(*i) = static_cast<int>(value);
     } else if (const auto* s = std::get_if<std::uint64_t O::*>(&field.member)) {
       options.*(*s) = parseSeed(field, text);
     } else if (const auto* b = std::get_if<bool O::*>(&field.member)) {
-      if (text != "true" && text != "false") refuse(field, text);
+      require(text == "true" || text == "false", field, text);
       options.*(*b) = text == "true";
     } else {
-      const auto named = [&text](MotionModel motion) { return text == nameOf(motion); };
-      const auto* motion = std::find_if(std::begin(kMotions), std::end(kMotions), named);
-      if (motion == std::end(kMotions)) refuse(field, text);
-      options.motion = *motion;
+      const auto is_it = [&text](const auto& named) { return named.second == text; };
+      const auto* motion = std::find_if(std::begin(kMotions), std::end(kMotions), is_it);
+      require(motion != std::end(kMotions), field, text);
+      options.motion = motion->first;
     }
     return;
   }
@@ -194,29 +188,23 @@ void checkDriveOptions(const DriveOptions& options) {
     if (const auto* d = std::get_if<double O::*>(&field.member)) checkRange(field, options.*(*d));
     if (const auto* i = std::get_if<int O::*>(&field.member)) checkRange(field, options.*(*i));
   }
-  require(options.imuRate() >= kLeastRate, "option 'imu-rate' is '" + number(options.imu_rate) +
-                                               "', allowed: 0 or from " + number(kLeastRate) + " Hz");
-  require(options.gyro_bias_min <= options.gyro_bias_max,
-          "option 'gyro-bias-min' is '" + number(options.gyro_bias_min) +
-              "', allowed: up to gyro-bias-max, " + number(options.gyro_bias_max) + " rad/s");
-  require(options.features_min <= options.features_max,
-          "option 'features-min' is '" + std::to_string(options.features_min) +
-              "', allowed: up to features-max, " + std::to_string(options.features_max));
-  require(options.min_depth < options.max_depth, "option 'min-depth' is '" + number(options.min_depth) +
-                                                     "', allowed: below max-depth, " +
-                                                     number(options.max_depth) + " m");
+  require(options.imuRate() >= kLeastRate, "imu-rate", number(options.imu_rate),
+          "0 or from " + number(kLeastRate) + " Hz");
+  require(options.gyro_bias_min <= options.gyro_bias_max, "gyro-bias-min", number(options.gyro_bias_min),
+          "up to gyro-bias-max, " + number(options.gyro_bias_max) + " rad/s");
+  require(options.features_min <= options.features_max, "features-min", std::to_string(options.features_min),
+          "up to features-max, " + std::to_string(options.features_max));
+  require(options.min_depth < options.max_depth, "min-depth", number(options.min_depth),
+          "below max-depth, " + number(options.max_depth) + " m");
   const double most_stale = kMostStale * O::kStaleSlot * options.frame_rate;
-  require(options.stale_fraction <= most_stale,
-          "option 'stale-fraction' is '" + number(options.stale_fraction) + "', allowed: up to " +
-              number(most_stale) + " at a frame-rate of " + number(options.frame_rate) +
+  require(options.stale_fraction <= most_stale, "stale-fraction", number(options.stale_fraction),
+          "up to " + number(most_stale) + " at a frame-rate of " + number(options.frame_rate) +
               " Hz, where half of the frames are stale then");
-  if (options.motion == MotionModel::kCarDrive || options.motion == MotionModel::kInertialCar) return;
-  require(options.duration > 0.0, "option 'duration' is '0', allowed: above 0 s when motion is " +
-                                      std::string(nameOf(options.motion)) + ", which has no laps");
-  if (options.motion == MotionModel::kHandheld) return;
-  require(
-      !options.ids_return,
-      "option 'ids-return' is 'true', allowed: false when motion is process, whose landmarks do not return");
+  const bool is_process = options.motion == MotionModel::kProcessModel;
+  require(options.duration > 0.0 || !(is_process || options.motion == MotionModel::kHandheld), "duration",
+          "0", "above 0 s when motion is " + std::string(nameOf(options.motion)) + ", which has no laps");
+  require(!(options.ids_return && is_process), "ids-return", "true",
+          "false when motion is process, whose landmarks do not return");
 }
 
 } // namespace vi_ekf_slam::simulation

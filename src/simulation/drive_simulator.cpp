@@ -138,19 +138,16 @@ void DriveSimulator::moveTo(Stamp stamp) {
 void DriveSimulator::takeSample(DriveStep& step) {
   ++samples_;
   twist_ = motion_->begin(secondsBetween(now_, stampOf(samples_, options_.imuRate())));
-  step.true_twist.push_back({now_, twist_});
+  step.true_twist.push_back(twist_);
   if (raw_imu_) {
     step.gyro.push_back(raw_imu_->measure(now_, *motion_->kinematics()));
     if (!options_.velocity_samples) return;
-    const Eigen::Vector3d velocity =
-        twist_.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
-    step.velocity.push_back({now_, velocity, covarianceOf(options_.velocity_sigma)});
-    return;
+  } else {
+    const Eigen::Vector3d gyro = twist_.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
+    step.gyro.push_back({now_, gyro, covarianceOf(options_.gyro_sigma)});
   }
-  const Eigen::Vector3d gyro = twist_.tail<3>() + gyro_bias_ + options_.gyro_sigma * imu_random_.normal3();
   const Eigen::Vector3d velocity =
       twist_.head<3>() + velocity_bias_ + options_.velocity_sigma * imu_random_.normal3();
-  step.gyro.push_back({now_, gyro, covarianceOf(options_.gyro_sigma)});
   step.velocity.push_back({now_, velocity, covarianceOf(options_.velocity_sigma)});
 }
 
@@ -161,12 +158,7 @@ Drive simulateDrive(const DriveOptions& options) {
   drive.rig = simulator.rig();
   drive.gyro_bias = simulator.gyroBias();
   drive.velocity_bias = simulator.velocityBias();
-  while (std::optional<DriveStep> step = simulator.next()) {
-    for (const ObservationTruth& truth : step->truth) {
-      if (truth.kind != ObservationKind::kMoving) drive.static_points[truth.point] = truth.world;
-    }
-    drive.steps.push_back(std::move(*step));
-  }
+  while (std::optional<DriveStep> step = simulator.next()) drive.steps.push_back(std::move(*step));
   return drive;
 }
 

@@ -5,40 +5,9 @@
 #include <cmath>
 #include <exception>
 #include <mutex>
-#include <optional>
 #include <thread>
-#include <utility>
-
-#include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
-#include "vi_ekf_slam/core/slam/slam_system.hpp"
-#include "vi_ekf_slam/simulation/drive_simulator.hpp"
-#include "vi_ekf_slam/simulation/inertial/inertial_seed.hpp"
-#include "vi_ekf_slam/simulation/stale_repair.hpp"
 
 namespace vi_ekf_slam::simulation {
-
-namespace {
-
-constexpr double kFartherOff = 1.0; // m, that a place taken for another one leaves the vehicle farther off
-
-} // namespace
-
-FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
-                        const FrameReport& report) {
-  FrameErrors errors;
-  errors.time = time;
-  errors.nees = poseNees(truth, state);
-  errors.stamp = state.stamp;
-  errors.estimate = state.world_T_imu;
-  errors.truth = truth;
-  errors.position = (errors.estimate.translation() - truth.translation()).norm();
-  errors.dead_reckoning = (dead_reckoning.translation() - truth.translation()).norm();
-  errors.yaw_sigma = std::sqrt(std::max(0.0, state.pose_covariance(5, 5)));
-  errors.nis = report.nis;
-  errors.nis_dof = report.nis_dof;
-  errors.revisited = report.revisited;
-  return errors;
-}
 
 std::size_t checkPointFrame(double share, std::size_t frames) {
   return static_cast<std::size_t>(std::lround(share * static_cast<double>(frames - 1)));
@@ -75,84 +44,6 @@ DriveOptions studyOptions(MotionModel motion) {
   options.outlier_fraction = options.stale_fraction = 0.0;
   options.moving_objects = 0;
   return options;
-}
-
-void countPlace(const FrameReport& report, SeedResult& result) {
-  if (!report.place_recognised) return;
-  ++result.places;
-  const std::size_t now = result.frames.size() - 1;
-  const double before = now > 0 ? result.frames[now - 1].position : 0.0;
-  if (result.frames[now].position > before + kFartherOff) ++result.wrong_places;
-}
-
-void judgePath(const PathEstimate& path, SeedResult& result) {
-  std::vector<FrameErrors>& frames = result.frames;
-  std::size_t nodes = 0, next = 0;
-  double sum = 0.0;
-  Eigen::Matrix3Xd truth(3, frames.size()), smoothed = truth;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    FrameErrors& frame = frames[i];
-    const SE3 now = path.at(frame.stamp, frame.estimate, Matrix6d::Zero()).world_T_imu;
-    const auto column = static_cast<Eigen::Index>(i);
-    truth.col(column) = frame.truth.translation();
-    smoothed.col(column) = now.translation();
-    frame.smoothed = (now.translation() - frame.truth.translation()).norm();
-    while (next < path.nodes.size() && path.nodes[next].stamp < frame.stamp) ++next;
-    if (next == path.nodes.size() || path.nodes[next].stamp != frame.stamp) continue;
-    StateEstimate node;
-    node.world_T_imu = path.nodes[next].now;
-    node.pose_covariance = path.nodes[next].covariance;
-    if (frame.stamp == frames.front().stamp) continue; // where the world begins nothing is unknown
-    const double nees = poseNees(frame.truth, node).pose;
-    sum += nees;
-    result.largest_node_nees = std::fmax(result.largest_node_nees, nees);
-    ++nodes;
-  }
-  if (!frames.empty())
-    result.smoothed_ate = absoluteTrajectoryError(smoothed, truth, result.inertial.has_value());
-  if (nodes > 0) result.node_nees = sum / static_cast<double>(nodes);
-}
-
-SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study) {
-  if (options.hasRawImu()) return runInertialSeed(config, options, study);
-  DriveSimulator simulator(options);
-  const std::unique_ptr<Estimator> estimator = makeEstimator(config);
-  estimator->setRig(simulator.rig());
-  DeadReckoning dead_reckoning;
-  StaleRepair stale;
-  ReturnWatch returns;
-  YawVarianceWatch yaw;
-  SeedResult result;
-  result.seed = options.seed;
-  std::optional<Stamp> start;
-  while (std::optional<DriveStep> step = simulator.next()) {
-    stale.repair(*step);
-    if (!start) start = step->stamp;
-    for (const Measurement& measurement : measurementsOf(*step)) {
-      if (const auto* gyro = std::get_if<ImuSample>(&measurement)) {
-        estimator->process(*gyro);
-        dead_reckoning.process(*gyro);
-      } else if (const auto* velocity = std::get_if<VelocitySample>(&measurement)) {
-        estimator->process(*velocity);
-        dead_reckoning.process(*velocity);
-      } else {
-        const FrameReport report = estimator->process(step->frame);
-        dead_reckoning.advanceTo(step->stamp);
-        const StateEstimate state = estimator->state();
-        returns.add(step->frame);
-        if (!returns.returned()) yaw.add(state.pose_covariance);
-        result.frames_rejected += report.frame_rejected ? 1 : 0;
-        result.features += report.features;
-        result.features_used += report.used;
-        result.frames.push_back(frameErrors(secondsBetween(*start, step->stamp), step->world_T_imu, state,
-                                            dead_reckoning.pose(), report));
-        countPlace(report, result);
-      }
-    }
-  }
-  result.yaw_fall = yaw.largestFall();
-  judgePath(estimator->exactMap()().path, result);
-  return result;
 }
 
 std::vector<SeedResult> runSeeds(const Config& config, const DriveOptions& options, std::uint64_t first,
@@ -228,16 +119,6 @@ double rmse(const SeedResult& result, double FrameErrors::*member) {
   double sum = 0.0;
   for (const FrameErrors& errors : result.frames) sum += errors.*member * errors.*member;
   return std::sqrt(sum / static_cast<double>(result.frames.size()));
-}
-
-double ate(const SeedResult& result) {
-  if (result.frames.empty()) return InertialOutcome::kNever;
-  Eigen::Matrix3Xd estimate(3, result.frames.size()), truth = estimate;
-  for (std::size_t i = 0; i < result.frames.size(); ++i) {
-    estimate.col(static_cast<Eigen::Index>(i)) = result.frames[i].estimate.translation();
-    truth.col(static_cast<Eigen::Index>(i)) = result.frames[i].truth.translation();
-  }
-  return absoluteTrajectoryError(estimate, truth, result.inertial.has_value());
 }
 
 double nisPerDof(const SeedResult& result) {

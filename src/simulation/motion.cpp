@@ -74,7 +74,6 @@ void ProcessMotion::move(double dt) {
   const double mean_kept = decay_ > 0.0 ? lost * decay_ / dt : 1.0;
   const Vector6d mean_twist = nominal_ + mean_kept * deviation + mean_change;
   world_T_imu_ = (world_T_imu_ * SE3::Exp(dt * mean_twist)).normalized();
-  distance_ += mean_twist.head<3>().norm() * dt;
   twist_ = nominal_ + (1.0 - lost) * deviation + change;
 }
 

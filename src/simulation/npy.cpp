@@ -4,6 +4,7 @@
 #include <functional>
 #include <numeric>
 #include <stdexcept>
+#include <type_traits>
 
 namespace vi_ekf_slam::simulation {
 namespace {
@@ -23,14 +24,15 @@ std::string header(const std::string& type, const std::vector<std::size_t>& shap
   return head + dictionary;
 }
 
+} // namespace
+
 /// Values in the machine's byte order, which is little-endian wherever ROS 1 runs.
 template <class T>
-void write(const std::string& path, const std::string& type, const std::vector<T>& values,
-           const std::vector<std::size_t>& shape) {
+void writeNpy(const std::string& path, const std::vector<T>& values, const std::vector<std::size_t>& shape) {
   const std::size_t size =
       std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<std::size_t>());
   if (size != values.size()) throw std::runtime_error(path + ": the shape does not fit the values");
-  const std::string head = header(type, shape);
+  const std::string head = header(std::is_floating_point_v<T> ? "<f8" : "<i8", shape);
   std::ofstream out(path, std::ios::binary);
   out.write(head.data(), static_cast<std::streamsize>(head.size()));
   out.write(reinterpret_cast<const char*>(values.data()),
@@ -39,16 +41,7 @@ void write(const std::string& path, const std::string& type, const std::vector<T
   if (!out) throw std::runtime_error(path + ": cannot be written");
 }
 
-} // namespace
-
-void writeNpy(const std::string& path, const std::vector<double>& values,
-              const std::vector<std::size_t>& shape) {
-  write(path, "<f8", values, shape);
-}
-
-void writeNpy(const std::string& path, const std::vector<std::int64_t>& values,
-              const std::vector<std::size_t>& shape) {
-  write(path, "<i8", values, shape);
-}
+template void writeNpy(const std::string&, const std::vector<double>&, const std::vector<std::size_t>&);
+template void writeNpy(const std::string&, const std::vector<std::int64_t>&, const std::vector<std::size_t>&);
 
 } // namespace vi_ekf_slam::simulation

@@ -4,19 +4,13 @@
 #include <cmath>
 
 namespace vi_ekf_slam::simulation {
-namespace {
 
-/// SplitMix64 (Steele et al. 2014): neighbouring seeds give unrelated engines.
 std::uint64_t mix(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15ULL;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
+  x += 0x9e3779b97f4a7c15;
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
   return x ^ (x >> 31);
 }
-
-constexpr double kTwoPi = 6.283185307179586;
-
-} // namespace
 
 Random::Random(std::uint64_t seed, RandomStream stream)
     : engine_(mix(mix(seed) + static_cast<std::uint64_t>(stream))) {}
@@ -34,7 +28,7 @@ double Random::normal() {
     return spare_;
   }
   const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));
-  const double angle = kTwoPi * uniform();
+  const double angle = 6.283185307179586 * uniform();
   spare_ = radius * std::sin(angle);
   has_spare_ = true;
   return radius * std::cos(angle);

@@ -4,20 +4,7 @@
 #include <boost/make_shared.hpp>
 #include <iomanip>
 
-#include "vi_ekf_slam/ros/wire_check.hpp"
-
 namespace vi_ekf_slam {
-namespace {
-
-constexpr const char* kCompressed = "/compressed";
-
-template <typename Message>
-void listen(BagInput& input, const std::string& topic, std::function<void(const Message&)> use) {
-  input.listen(topic, ros::message_traits::datatype<Message>(),
-               [use = std::move(use)](const BagMessage& message) { use(wire::read<Message>(message)); });
-}
-
-} // namespace
 
 bool BagImages::isNeeded(const RunBagOptions& options, const BagInput& input) {
   return input.hasImages(options.left_image) && input.hasImages(options.right_image) &&
@@ -38,14 +25,15 @@ BagImages::BagImages(const RunBagOptions& options, const FullConfig& config, Bag
   });
   listenToImages(options.left_image, true);
   listenToImages(options.right_image, false);
-  listen<sensor_msgs::CameraInfo>(input, options.topics.left_info,
-                                  [this](const auto& m) { images_.addLeftInfo(m); });
-  listen<sensor_msgs::CameraInfo>(input, options.topics.right_info,
-                                  [this](const auto& m) { images_.addRightInfo(m); });
-  listen<sensor_msgs::Imu>(input, options.topics.imu, [this](const auto& m) { images_.add(m); });
+  const InputTopics& topics = options.topics;
+  input.listen<sensor_msgs::CameraInfo>(topics.left_info, [this](const auto& m) { images_.addLeftInfo(m); });
+  input.listen<sensor_msgs::CameraInfo>(topics.right_info,
+                                        [this](const auto& m) { images_.addRightInfo(m); });
+  input.listen<sensor_msgs::Imu>(topics.imu, [this](const auto& m) { images_.add(m); });
   for (const bool is_static : {true, false}) {
-    listen<tf2_msgs::TFMessage>(input, is_static ? "/tf_static" : "/tf",
-                                [this, is_static](const auto& m) { images_.addTransforms(m, is_static); });
+    input.listen<tf2_msgs::TFMessage>(is_static ? "/tf_static" : "/tf", [this, is_static](const auto& m) {
+      images_.addTransforms(m, is_static);
+    });
   }
   // Once the intake has the message too, as the node's front end answers after it.
   input.onMessage([this](const BagMessage& message) {
@@ -61,9 +49,9 @@ void BagImages::listenToImages(const std::string& topic, bool is_left) {
     is_left ? images_.addLeft(shared) : images_.addRight(shared);
   };
   if (input_.has(topic)) {
-    listen<sensor_msgs::Image>(input_, topic, add);
+    input_.listen<sensor_msgs::Image>(topic, add);
   } else {
-    listen<sensor_msgs::CompressedImage>(input_, topic + kCompressed, add);
+    input_.listen<sensor_msgs::CompressedImage>(topic + "/compressed", add);
   }
 }
 

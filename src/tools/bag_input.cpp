@@ -6,7 +6,6 @@
 #include <set>
 
 #include "vi_ekf_slam/ros/output/bag_writer.hpp"
-#include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -47,12 +46,6 @@ void BagInput::requireType(const std::string& topic, const std::string& type) co
 bool BagInput::has(const std::string& topic) const {
   const auto& all = bag_.connections();
   return std::any_of(all.begin(), all.end(), [&](const auto& c) { return c.second.topic == topic; });
-}
-
-void BagInput::listen(const std::string& topic, const std::string& type,
-                      std::function<void(const BagMessage&)> handler) {
-  requireType(topic, type);
-  listeners_[topic] = std::move(handler);
 }
 
 template <typename Message, typename Use>

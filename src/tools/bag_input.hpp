@@ -7,6 +7,7 @@
 
 #include "vi_ekf_slam/ros/input/bag_reader.hpp"
 #include "vi_ekf_slam/ros/intake.hpp"
+#include "vi_ekf_slam/ros/wire_check.hpp"
 
 namespace vi_ekf_slam {
 
@@ -20,10 +21,13 @@ class BagInput {
   bool has(const std::string& topic) const;
   /// The same of images, which may be compressed ones on TOPIC/compressed.
   bool hasImages(const std::string& topic) const { return has(topic) || has(topic + "/compressed"); }
-  /// `handler` gets the messages of the topic too, before `intake` does. Throws BagError where the bag's
-  /// topic has another type.
-  void listen(const std::string& topic, const std::string& type,
-              std::function<void(const BagMessage&)> handler);
+  /// `use` gets the messages of the topic too, before `intake` does. Throws BagError where the bag's topic
+  /// has another type.
+  template <typename Message, typename Use>
+  void listen(const std::string& topic, const Use& use) {
+    requireType(topic, ros::message_traits::datatype<Message>());
+    listeners_[topic] = [use](const BagMessage& message) { use(wire::read<Message>(message)); };
+  }
   /// `handler` hears of every message, after the others.
   void onMessage(std::function<void(const BagMessage&)> handler) { on_message_ = std::move(handler); }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <sstream>
 #include <thread>
 #include <vector>
@@ -59,13 +60,24 @@ namespace po = boost::program_options;
 
 constexpr double kLongestBlind = 1e6; // s
 
+/// The numbers of a list with commas; nothing where one of them is none.
+std::vector<double> numbers(const std::string& text) {
+  std::vector<double> all;
+  std::istringstream in(text + ",");
+  for (std::string word; std::getline(in, word, ',');) {
+    char* end = nullptr;
+    all.push_back(std::strtod(word.c_str(), &end));
+    if (word.empty() || *end != '\0') return {};
+  }
+  return all;
+}
+
 double seconds(const std::string& option, const std::string& text, bool above_0) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0' || !(above_0 ? value > 0.0 : value >= 0.0) || !(value <= kLongestBlind))
+  const std::vector<double> value = numbers(text);
+  if (value.size() != 1 || !(above_0 ? value[0] > 0.0 : value[0] >= 0.0) || !(value[0] <= kLongestBlind))
     throw UsageError(option + " is '" + text + "', allowed: " + (above_0 ? "above" : "from") +
                      " 0 up to 1e6 s");
-  return value;
+  return value[0];
 }
 
 simulation::StudyStart start(const std::string& text) {
@@ -75,27 +87,20 @@ simulation::StudyStart start(const std::string& text) {
 }
 
 simulation::RigDisturbance disturbance(const std::string& text) {
-  simulation::RigDisturbance d;
-  std::istringstream in(text);
-  char comma1 = 0, comma2 = 0, comma3 = 0;
-  in >> d.rotation >> comma1 >> d.translation >> comma2 >> d.time_offset >> comma3 >> d.scale;
-  const bool whole = !in.fail() && in.peek() == std::istringstream::traits_type::eof();
-  if (!whole || comma1 != ',' || comma2 != ',' || comma3 != ',' || !(std::abs(d.rotation) <= 1.0) ||
-      !(std::abs(d.translation) <= 1.0) || !(std::abs(d.time_offset) <= 0.1) || !(std::abs(d.scale) <= 0.5))
+  const std::vector<double> parts = numbers(text);
+  const double most[] = {1.0, 1.0, 0.1, 0.5};
+  const auto is_within = [](double part, double limit) { return std::abs(part) <= limit; };
+  if (!std::equal(parts.begin(), parts.end(), std::begin(most), std::end(most), is_within))
     throw UsageError("--disturb-rig is '" + text +
                      "', allowed: four numbers with commas, up to 1 rad, 1 m, 0.1 s and 0.5");
-  return d;
+  return {parts[0], parts[1], parts[2], parts[3]};
 }
 
 std::pair<double, double> bounds(const std::string& text) {
-  char* end = nullptr;
-  const double low = std::strtod(text.c_str(), &end);
-  const bool comma = end != text.c_str() && *end == ',';
-  const char* second = comma ? end + 1 : end;
-  const double high = comma ? std::strtod(second, &end) : 0.0;
-  if (!comma || end == second || *end != '\0' || !(low <= high))
+  const std::vector<double> ends = numbers(text);
+  if (ends.size() != 2 || !(ends[0] <= ends[1]))
     throw UsageError("--check is '" + text + "', allowed: LOW,HIGH with LOW at most HIGH");
-  return {low, high};
+  return {ends[0], ends[1]};
 }
 
 /// The numbers of a list with commas, each of them one that the option `name` of a drive may have.

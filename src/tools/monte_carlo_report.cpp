@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
-#include <limits>
 
 #include "vi_ekf_slam/core/run/atomic_file.hpp"
 
@@ -31,45 +30,29 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return buffer;
 }
 
-/// Over the seeds that have an estimate.
-double frameMean(const std::vector<SeedResult>& all, double (*value)(const SeedResult&)) {
-  const std::vector<SeedResult> results = simulation::startedOf(all);
-  double sum = 0.0;
-  for (const SeedResult& result : results) sum += value(result);
-  return sum / static_cast<double>(results.size());
-}
-
-/// Means over the seeds that have an estimate at a check point, each drive at its own frame.
-PoseNees meanNees(const std::vector<SeedResult>& all, double share) {
-  const std::vector<SeedResult> results = simulation::startedOf(all);
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  if (results.empty()) return {kNan, kNan, kNan};
-  PoseNees mean;
+/// Over the seeds that have an estimate; not a number without any.
+template <typename Value>
+double meanOf(const std::vector<SeedResult>& results, const Value& value) {
+  double sum = 0.0, n = 0.0;
   for (const SeedResult& result : results) {
-    const PoseNees& nees = result.frames[simulation::checkPointFrame(share, result.frames.size())].nees;
-    mean.pose += nees.pose / static_cast<double>(results.size());
-    mean.rotation += nees.rotation / static_cast<double>(results.size());
-    mean.position += nees.position / static_cast<double>(results.size());
+    if (result.frames.empty()) continue;
+    sum += value(result);
+    n += 1.0;
   }
-  return mean;
+  return sum / n;
 }
 
-/// What is said of a study in a line.
-struct RateFigures {
-  std::vector<double> nees; ///< of the pose, at the check points
-  double nis_per_dof = 0.0, position_rmse = 0.0, dead_reckoning_rmse = 0.0;
-};
+double meanRmse(const std::vector<SeedResult>& results, double FrameErrors::*error) {
+  return meanOf(results, [error](const SeedResult& r) { return rmse(r, error); });
+}
 
-RateFigures figuresOf(const RateStudy& study) {
-  RateFigures figures;
-  for (const double share : simulation::kCheckPoints)
-    figures.nees.push_back(meanNees(study.results, share).pose);
-  figures.nis_per_dof = frameMean(study.results, [](const SeedResult& r) { return nisPerDof(r); });
-  figures.position_rmse =
-      frameMean(study.results, [](const SeedResult& r) { return rmse(r, &FrameErrors::position); });
-  figures.dead_reckoning_rmse =
-      frameMean(study.results, [](const SeedResult& r) { return rmse(r, &FrameErrors::dead_reckoning); });
-  return figures;
+const FrameErrors& atCheckPoint(const SeedResult& result, double share) {
+  return result.frames[simulation::checkPointFrame(share, result.frames.size())];
+}
+
+double meanNees(const std::vector<SeedResult>& results, double share,
+                double PoseNees::*nees = &PoseNees::pose) {
+  return meanOf(results, [=](const SeedResult& r) { return atCheckPoint(r, share).nees.*nees; });
 }
 
 std::size_t revisitedIn(const SeedResult& result) {
@@ -89,18 +72,18 @@ std::string seedsCsv(const std::vector<SeedResult>& results) {
                    rmse(r, &FrameErrors::position), rmse(r, &FrameErrors::dead_reckoning),
                    r.frames.empty() ? InertialOutcome::kNever : r.frames.back().position, r.features,
                    r.features_used, r.frames_rejected, r.places, r.wrong_places, revisitedIn(r),
-                   rmse(r, &FrameErrors::smoothed), r.node_nees, r.largest_node_nees, ate(r), r.smoothed_ate);
+                   rmse(r, &FrameErrors::smoothed), r.node_nees, r.largest_node_nees, r.ate, r.smoothed_ate);
   }
   return text;
 }
 
-std::string checkPointsCsv(const std::vector<SeedResult>& all) {
-  const std::vector<SeedResult> results = simulation::startedOf(all);
+std::string checkPointsCsv(const std::vector<SeedResult>& results) {
   std::string text =
       "seed,share,time,nees,nees_rotation,nees_position,position_error,dead_reckoning_error,yaw_sigma\n";
   for (const SeedResult& r : results) {
+    if (r.frames.empty()) continue;
     for (const double share : simulation::kCheckPoints) {
-      const FrameErrors& f = r.frames[simulation::checkPointFrame(share, r.frames.size())];
+      const FrameErrors& f = atCheckPoint(r, share);
       text += format("%llu,%.2f,%.3f,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n",
                      static_cast<unsigned long long>(r.seed), share, f.time, f.nees.pose, f.nees.rotation,
                      f.nees.position, f.position, f.dead_reckoning, f.yaw_sigma);
@@ -114,9 +97,8 @@ std::string framesCsv(const std::vector<SeedResult>& results) {
   const auto [low6, high6] = simulation::chiSquareMeanBounds(6.0, n);
   const auto [low3, high3] = simulation::chiSquareMeanBounds(3.0, n);
   std::string text =
-      "time,nees,nees_rotation,nees_position,nis_per_dof,position_rmse,dead_reckoning_rmse,bound_low_6,bound_"
-      "high_6,"
-      "bound_low_3,bound_high_3\n";
+      "time,nees,nees_rotation,nees_position,nis_per_dof,position_rmse,dead_reckoning_rmse,"
+      "bound_low_6,bound_high_6,bound_low_3,bound_high_3\n";
   for (const MeanErrors& mean : simulation::meansByFrame(results)) {
     text += format("%.3f,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", mean.time, mean.nees.pose,
                    mean.nees.rotation, mean.nees.position, mean.nis_per_dof, mean.position_rmse,
@@ -162,6 +144,17 @@ Figures figuresOf(const std::vector<SeedResult>& results, double InertialOutcome
   return figures;
 }
 
+/// Of those that do not count to their end; empty: there are none.
+std::string anewSummary(const std::vector<SeedResult>& results) {
+  const auto anew = std::count_if(results.begin(), results.end(),
+                                  [](const SeedResult& result) { return result.begun_anew; });
+  if (anew == 0) return {};
+  return format(
+      "begun anew                   %lld of %zu seeds, after a gap or since IMU and pictures contradict each "
+      "other; they count up to there\n",
+      static_cast<long long>(anew), results.size());
+}
+
 std::string startsSummary(const std::vector<SeedResult>& results) {
   const Figures delay = figuresOf(results, &InertialOutcome::start_delay);
   const auto soon = std::count_if(results.begin(), results.end(), [](const SeedResult& result) {
@@ -171,13 +164,6 @@ std::string startsSummary(const std::vector<SeedResult>& results) {
   std::string text = format("not started at all           %.0f %%, not within %.0f s %.0f %%\n",
                             100.0 * (1.0 - static_cast<double>(delay.count) / n), kSoon,
                             100.0 * (1.0 - static_cast<double>(soon) / n));
-  const auto anew = std::count_if(results.begin(), results.end(),
-                                  [](const SeedResult& result) { return result.inertial->begun_anew; });
-  if (anew > 0)
-    text += format(
-        "begun anew                   %lld of %zu seeds, since IMU and pictures contradict each other; "
-        "they count up to there\n",
-        static_cast<long long>(anew), results.size());
   text += format("start delay                  %.2f s, at most %.2f s\n", delay.mean, delay.most);
   text +=
       format("first estimate's mean NEES   pose %.2f, tilt %.2f (2 expected), velocity %.2f (3 expected)\n",
@@ -246,6 +232,66 @@ std::string rigSummary(const std::vector<SeedResult>& results) {
   return text;
 }
 
+std::string neesSummary(const std::vector<SeedResult>& results) {
+  const double n = static_cast<double>(simulation::startedOf(results).size());
+  const auto [low6, high6] = simulation::chiSquareMeanBounds(6.0, n);
+  const auto [low3, high3] = simulation::chiSquareMeanBounds(3.0, n);
+  std::string text = format("%zu seeds, mean NEES (right-invariant coordinates)\n", results.size());
+  text += "  of the drive      pose   rotation   position\n";
+  for (const double share : simulation::kCheckPoints)
+    text +=
+        format("  %8.0f %%   %9.3f  %9.3f  %9.3f\n", 100.0 * share, meanNees(results, share),
+               meanNees(results, share, &PoseNees::rotation), meanNees(results, share, &PoseNees::position));
+  text += format("  expected     %9.3f  %9.3f  %9.3f\n", 6.0, 3.0, 3.0);
+  return text + format("  95 %% bounds  %4.2f-%4.2f  %4.2f-%4.2f  %4.2f-%4.2f\n", low6, high6, low3, high3,
+                       low3, high3);
+}
+
+/// Of all seeds, or where it says so those with an estimate.
+std::string errorsSummary(const std::vector<SeedResult>& results) {
+  double nis = 0.0, dof = 0.0, fall = 0.0, largest = InertialOutcome::kNever;
+  std::size_t rejected = 0, places = 0, wrong = 0, with_places = 0, revisited = 0;
+  for (const SeedResult& result : results) {
+    fall = std::max(fall, result.yaw_fall);
+    rejected += result.frames_rejected;
+    places += result.places;
+    wrong += result.wrong_places;
+    with_places += result.places > 0 ? 1 : 0;
+    revisited += revisitedIn(result);
+    largest = std::fmax(largest, result.largest_node_nees);
+    for (const FrameErrors& frame : result.frames) {
+      nis += frame.nis;
+      dof += static_cast<double>(frame.nis_dof);
+    }
+  }
+  const double started = static_cast<double>(simulation::startedOf(results).size());
+  const auto last = [](double FrameErrors::*error) {
+    return [error](const SeedResult& r) { return r.frames.back().*error; };
+  };
+  std::string text = format("NIS per degree of freedom    %.4f (%.0f degrees)\n", nis / dof, dof);
+  text += format("global yaw variance falls by %.3g %% at most from one frame to the next\n", 100.0 * fall);
+  text += format("position RMSE                %.3f m (dead reckoning %.3f m), means over the seeds\n",
+                 meanRmse(results, &FrameErrors::position), meanRmse(results, &FrameErrors::dead_reckoning));
+  text += format("ATE                          %.3f m, after %s alignment\n",
+                 meanOf(results, [](const SeedResult& r) { return r.ate; }),
+                 isInertial(results) ? "yaw and translation" : "rigid");
+  text += format("final position error         %.3f m (dead reckoning %.3f m)\n",
+                 meanOf(results, last(&FrameErrors::position)),
+                 meanOf(results, last(&FrameErrors::dead_reckoning)));
+  text += format(
+      "its RMS                      %.3f m\n",
+      std::sqrt(meanOf(results, [](const SeedResult& r) { return std::pow(r.frames.back().position, 2); })));
+  text += format("frames rejected              %zu\n", rejected);
+  text += format("places recognised            on %zu drives, %zu in all, %zu of them wrong\n", with_places,
+                 places, wrong);
+  text += format("landmarks found again        %.1f a drive\n", static_cast<double>(revisited) / started);
+  text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
+                 meanRmse(results, &FrameErrors::smoothed),
+                 meanOf(results, [](const SeedResult& r) { return r.node_nees; }), largest);
+  return text + format("its ATE                      %.3f m, after the same alignment\n",
+                       meanOf(results, [](const SeedResult& r) { return r.smoothed_ate; }));
+}
+
 } // namespace
 
 void writeMonteCarlo(const std::string& directory, const std::vector<SeedResult>& results) {
@@ -257,61 +303,9 @@ void writeMonteCarlo(const std::string& directory, const std::vector<SeedResult>
 }
 
 std::string monteCarloSummary(const std::vector<SeedResult>& results) {
-  const double n = static_cast<double>(simulation::startedOf(results).size());
-  const auto [low6, high6] = simulation::chiSquareMeanBounds(6.0, n);
-  const auto [low3, high3] = simulation::chiSquareMeanBounds(3.0, n);
-  std::string text = format("%zu seeds, mean NEES (right-invariant coordinates)\n", results.size());
-  text += "  of the drive      pose   rotation   position\n";
-  for (const double share : simulation::kCheckPoints) {
-    const PoseNees mean = meanNees(results, share);
-    text +=
-        format("  %8.0f %%   %9.3f  %9.3f  %9.3f\n", 100.0 * share, mean.pose, mean.rotation, mean.position);
-  }
-  text += format("  expected     %9.3f  %9.3f  %9.3f\n", 6.0, 3.0, 3.0);
-  text += format("  95 %% bounds  %4.2f-%4.2f  %4.2f-%4.2f  %4.2f-%4.2f\n", low6, high6, low3, high3, low3,
-                 high3);
-  double nis = 0.0, dof = 0.0, fall = 0.0;
-  std::size_t rejected = 0, places = 0, wrong = 0, with_places = 0, revisited = 0;
-  double squared = 0.0;
-  for (const SeedResult& result : results) {
-    fall = std::max(fall, result.yaw_fall);
-    rejected += result.frames_rejected;
-    places += result.places;
-    wrong += result.wrong_places;
-    with_places += result.places > 0 ? 1 : 0;
-    revisited += revisitedIn(result);
-    if (!result.frames.empty()) squared += std::pow(result.frames.back().position, 2) / n;
-    for (const FrameErrors& frame : result.frames) {
-      nis += frame.nis;
-      dof += static_cast<double>(frame.nis_dof);
-    }
-  }
-  text += format("NIS per degree of freedom    %.4f (%.0f degrees)\n", nis / dof, dof);
-  text += format("global yaw variance falls by %.3g %% at most from one frame to the next\n", 100.0 * fall);
-  text +=
-      format("position RMSE                %.3f m (dead reckoning %.3f m), means over the seeds\n",
-             frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::position); }),
-             frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::dead_reckoning); }));
-  text += format("ATE                          %.3f m, after %s alignment\n",
-                 frameMean(results, [](const SeedResult& r) { return ate(r); }),
-                 isInertial(results) ? "yaw and translation" : "rigid");
-  text += format("final position error         %.3f m (dead reckoning %.3f m)\n",
-                 frameMean(results, [](const SeedResult& r) { return r.frames.back().position; }),
-                 frameMean(results, [](const SeedResult& r) { return r.frames.back().dead_reckoning; }));
-  text += format("its RMS                      %.3f m\n", std::sqrt(squared));
-  text += format("frames rejected              %zu\n", rejected);
-  text += format("places recognised            on %zu drives, %zu in all, %zu of them wrong\n", with_places,
-                 places, wrong);
-  text += format("landmarks found again        %.1f a drive\n", static_cast<double>(revisited) / n);
-  double largest = InertialOutcome::kNever;
-  for (const SeedResult& result : results) largest = std::fmax(largest, result.largest_node_nees);
-  text += format("smoothed path, RMSE          %.3f m; NEES of its nodes %.3f, %.1f at most\n",
-                 frameMean(results, [](const SeedResult& r) { return rmse(r, &FrameErrors::smoothed); }),
-                 frameMean(results, [](const SeedResult& r) { return r.node_nees; }), largest);
-  text += format("its ATE                      %.3f m, after the same alignment\n",
-                 frameMean(results, [](const SeedResult& r) { return r.smoothed_ate; }));
-  if (isInertial(results)) text += startsSummary(results);
-  return isDisturbed(results) ? text + rigSummary(results) : text;
+  const std::string text = neesSummary(results) + errorsSummary(results) + anewSummary(results);
+  const std::string starts = isInertial(results) ? startsSummary(results) : "";
+  return text + starts + (isDisturbed(results) ? rigSummary(results) : "");
 }
 
 std::string ratesSummary(const std::vector<RateStudy>& studies) {
@@ -320,12 +314,13 @@ std::string ratesSummary(const std::vector<RateStudy>& studies) {
   std::string text =
       format("%zu seeds, mean pose NEES (expected 6.00, 95 %% bounds %.2f-%.2f)\n", seeds, low, high);
   text += "  frames Hz  imu Hz      25 %      50 %      75 %     100 %   NIS/dof  RMSE m  dead reckoning m\n";
-  for (const RateStudy& study : studies) {
-    const RateFigures figures = figuresOf(study);
-    text += format("  %9g %7g ", study.drive.frame_rate, study.drive.imuRate());
-    for (const double nees : figures.nees) text += format(" %9.2f", nees);
-    text += format("  %8.3f %7.2f  %16.2f\n", figures.nis_per_dof, figures.position_rmse,
-                   figures.dead_reckoning_rmse);
+  for (const auto& [drive, results] : studies) {
+    text += format("  %9g %7g ", drive.frame_rate, drive.imuRate());
+    for (const double share : simulation::kCheckPoints) text += format(" %9.2f", meanNees(results, share));
+    text +=
+        format("  %8.3f %7.2f  %16.2f\n", meanOf(results, simulation::nisPerDof),
+               meanRmse(results, &FrameErrors::position), meanRmse(results, &FrameErrors::dead_reckoning));
+    text += anewSummary(results);
   }
   return text;
 }
@@ -333,19 +328,19 @@ std::string ratesSummary(const std::vector<RateStudy>& studies) {
 void writeRates(const std::string& directory, const std::vector<RateStudy>& studies) {
   std::string text =
       "frame_rate,imu_rate,nees_25,nees_50,nees_75,nees_100,nis_per_dof,position_rmse,dead_reckoning_rmse\n";
-  for (const RateStudy& study : studies) {
-    const RateFigures figures = figuresOf(study);
-    text += format("%g,%g", study.drive.frame_rate, study.drive.imuRate());
-    for (const double nees : figures.nees) text += format(",%.6g", nees);
+  for (const auto& [drive, results] : studies) {
+    text += format("%g,%g", drive.frame_rate, drive.imuRate());
+    for (const double share : simulation::kCheckPoints) text += format(",%.6g", meanNees(results, share));
     text +=
-        format(",%.6g,%.6g,%.6g\n", figures.nis_per_dof, figures.position_rmse, figures.dead_reckoning_rmse);
+        format(",%.6g,%.6g,%.6g\n", meanOf(results, simulation::nisPerDof),
+               meanRmse(results, &FrameErrors::position), meanRmse(results, &FrameErrors::dead_reckoning));
   }
   writeFile(directory + "/rates.csv", text);
 }
 
 bool neesWithin(const std::vector<SeedResult>& results, const std::pair<double, double>& bounds) {
   return std::all_of(simulation::kCheckPoints.begin(), simulation::kCheckPoints.end(), [&](double share) {
-    const double nees = meanNees(results, share).pose;
+    const double nees = meanNees(results, share);
     return nees >= bounds.first && nees <= bounds.second; // false for not a number
   });
 }

@@ -137,15 +137,6 @@ int check(const RunBagOptions& options) {
   return kOk;
 }
 
-/// A map that cannot be written is no input that cannot be used.
-void saveMap(const std::string& path, const SavedMap& map, const std::string& map_frame) {
-  try {
-    writeMapFile(path, map, map_frame);
-  } catch (const MapError& e) {
-    throw std::runtime_error(e.what());
-  }
-}
-
 #ifdef VI_EKF_SLAM_FRONT_END
 /// The front end between bag and intake, where the bag has images and no features.
 std::unique_ptr<BagImages> imagesOf(const RunBagOptions& options, const FullConfig& config, BagInput& input,
@@ -182,99 +173,145 @@ std::unique_ptr<BagImages> imagesOf(const RunBagOptions& options, const FullConf
 }
 #endif
 
-int run(const RunBagOptions& options) {
-  const FullConfig config = configurationOf(options);
-  BagInput input(options.bag, options.topics);
-  SlamSystem system(config.core);
-  if (options.save_map && !system.estimator().keepsJointMap())
-    throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
-  if (!options.save_calibration.empty() && !config.core.invariant.rig.isEstimated())
-    throw UsageError(
-        "--save-calibration needs a configuration whose section calibration has a sigma above 0");
-  if (!options.load_map.empty())
-    system.loadMap(std::make_shared<const SavedMap>(readMapFile(options.load_map)), options.load_map);
-  const auto say = [&options](const std::string& text) {
-    if (!options.quiet) std::cout << text << std::endl;
-  };
-  system.onStart(say);
-  if (!system.motionText().empty()) say("motion: " + system.motionText());
-  const auto warn = [](const std::string& text) { std::cerr << "run_bag: " << text << std::endl; };
-  system.onProblem(warn);
-  if (!options.initial_state.empty()) system.begin(readInitialState(options.initial_state));
-  RunWriter::requireDirectory(options.output);
-  RunWriter writer;
-  system.onFrame([&](const Output& output) {
-    if (output.report.relocalised) {
-      warn("relocalised at " + stampText(output.state.stamp));
-      writer.restart(); // earlier poses are in another frame
-    }
-    writer.addFrame(output);
-  });
-  system.onImu([&writer](const Output& output) { writer.addGyro(output); });
-  system.onNoise([&say](const StreamNoise& noise) { say("noise: " + toText(noise)); });
-  system.onReset([&](const std::string& reason, const PathEstimate& path) {
-    warn("reset: " + reason);
-    writer.restart(path);
-  });
-  if (input.has(options.topics.twist_bias)) system.awaitBiasPrior();
-  Intake intake(system, config.ros, options.topics);
-  intake.onProblem(warn);
-  const auto images = imagesOf(options, config, input, intake);
+/// A bag on its way through the estimator into files.
+class BagRun {
+ public:
+  explicit BagRun(const RunBagOptions& options)
+      : options_(options),
+        config_(configurationOf(options)),
+        input_(options.bag, options.topics),
+        system_(config_.core),
+        intake_(system_, config_.ros, options.topics) {}
 
-  const auto start = std::chrono::steady_clock::now();
-  std::string problem;
-  Progress progress(!options.quiet);
-  try {
-    input.feed(intake, [&progress](double share) {
-      progress.show(share);
-      return !g_stop;
+  int run() {
+    prepare();
+    RunWriter::requireDirectory(options_.output);
+    listen();
+    if (input_.has(options_.topics.twist_bias)) system_.awaitBiasPrior();
+    images_ = imagesOf(options_, config_, input_, intake_);
+    const auto start = std::chrono::steady_clock::now();
+    std::string problem = feed();
+    auto turned_away = intake_.turnedAway();
+    if (images_) turned_away.merge(images_->turnedAway());
+    if (problem.empty()) problem = problemOf(turned_away);
+
+    const MapEstimate estimate = system_.estimator().exactMap()();
+    const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+    RunSummary summary(system_);
+    summary.input = options_.bag;
+    summary.config = options_.config.empty() ? "built-in defaults" : options_.config;
+    summary.wall_s = wall.count();
+    summary.turned_away = turned_away;
+    summary.body = intake_.imuFrame();
+    writer_.write(options_.output, summary, estimate);
+    warnOfTheSameRecording(config_.core.invariant.rig, writer_.recording());
+    const std::string unsaved = saveMap();
+    if (problem.empty()) problem = unsaved;
+    if (!options_.save_calibration.empty())
+      writeFile(options_.save_calibration, writer_.calibrationText(*summary.rig));
+    if (isLost())
+      warn("the place in " + options_.load_map + " was not found: poses are in a frame of their own");
+    if (!options_.quiet && images_) images_->print(std::cout);
+    if (!options_.quiet) printSummary(options_, writer_, summary, estimate.landmarks.size());
+    if (problem.empty()) return kOk;
+    warn(problem);
+    return kInput;
+  }
+
+ private:
+  void say(const std::string& text) const {
+    if (!options_.quiet) std::cout << text << std::endl;
+  }
+  static void warn(const std::string& text) { std::cerr << "run_bag: " << text << std::endl; }
+
+  /// What is to be known before the first measurement.
+  void prepare() {
+    if (options_.save_map && !system_.estimator().keepsJointMap())
+      throw UsageError("--save-map needs estimator: invariant with map.keep: good or all");
+    if (!options_.save_calibration.empty() && !config_.core.invariant.rig.isEstimated())
+      throw UsageError(
+          "--save-calibration needs a configuration whose section calibration has a sigma above 0");
+    if (!options_.load_map.empty())
+      system_.loadMap(std::make_shared<const SavedMap>(readMapFile(options_.load_map)), options_.load_map);
+    system_.onStart([this](const std::string& text) { say(text); });
+    if (!system_.motionText().empty()) say("motion: " + system_.motionText());
+    system_.onProblem(warn);
+    if (!options_.initial_state.empty()) system_.begin(readInitialState(options_.initial_state));
+  }
+
+  void listen() {
+    system_.onFrame([this](const Output& output) {
+      if (output.report.relocalised) {
+        warn("relocalised at " + stampText(output.state.stamp));
+        writer_.restart(); // earlier poses are in another frame
+      }
+      writer_.addFrame(output);
     });
-    if (g_stop) problem = "interrupted; what was computed so far is written";
-  } catch (const BagError& e) {
-    if (intake.received() == 0) throw; // nothing to write
-    problem = e.what();
-  }
-  if (images) images->finish();
-  intake.flush();
-  system.flush();
-  progress.finish();
-  auto turned_away = intake.turnedAway();
-  if (images) turned_away.merge(images->turnedAway());
-  if (problem.empty()) {
-    problem = inputProblem(system, intake, writer);
-    if (!problem.empty()) problem += chiefOf(turned_away) + loneImage(options, input);
-    if (const std::string of_images = images ? images->problem() : ""; !of_images.empty())
-      problem = of_images;
+    system_.onImu([this](const Output& output) { writer_.addGyro(output); });
+    system_.onNoise([this](const StreamNoise& noise) { say("noise: " + toText(noise)); });
+    system_.onReset([this](const std::string& reason, const PathEstimate& path) {
+      warn("reset: " + reason);
+      writer_.restart(path);
+    });
+    intake_.onProblem(warn);
   }
 
-  const MapEstimate estimate = system.estimator().exactMap()();
-  const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  RunSummary summary(system);
-  summary.input = options.bag;
-  summary.config = options.config.empty() ? "built-in defaults" : options.config;
-  summary.wall_s = wall.count();
-  summary.turned_away = turned_away;
-  summary.body = intake.imuFrame();
-  writer.write(options.output, summary, estimate);
-  const auto map = options.save_map ? system.estimator().savedMap() : nullptr;
-  warnOfTheSameRecording(config.core.invariant.rig, writer.recording());
-  const std::string map_path = options.output + "/" + kMapFileName;
-  const bool is_lost = !options.load_map.empty() && system.counts().relocalisations == 0;
-  std::error_code none;
-  const bool is_kept = map && is_lost && std::filesystem::equivalent(map_path, options.load_map, none);
-  if (map && !is_kept) saveMap(map_path, map(), config.ros.map_frame);
-  if (!options.save_calibration.empty())
-    writeFile(options.save_calibration, writer.calibrationText(*summary.rig));
-  if (is_lost) warn("the place in " + options.load_map + " was not found: poses are in a frame of their own");
-  if (is_kept && problem.empty())
-    problem = "the map of this run was not saved, since " + options.load_map +
-              ", whose place was not found, would be lost (--output another folder)";
-  if (!options.quiet && images) images->print(std::cout);
-  if (!options.quiet) printSummary(options, writer, summary, estimate.landmarks.size());
-  if (problem.empty()) return kOk;
-  warn(problem);
-  return kInput;
-}
+  /// All of the bag, or what can be read of it. Why it is not all; empty: it is.
+  std::string feed() {
+    std::string problem;
+    Progress progress(!options_.quiet);
+    try {
+      input_.feed(intake_, [&progress](double share) {
+        progress.show(share);
+        return !g_stop;
+      });
+      if (g_stop) problem = "interrupted; what was computed so far is written";
+    } catch (const BagError& e) {
+      if (intake_.received() == 0) throw; // nothing to write
+      problem = e.what();
+    }
+    if (images_) images_->finish();
+    intake_.flush();
+    system_.flush();
+    progress.finish();
+    return problem;
+  }
+
+  /// What went wrong with the input, images first.
+  std::string problemOf(const std::map<std::string, std::uint64_t>& turned_away) const {
+    if (std::string of_images = images_ ? images_->problem() : ""; !of_images.empty()) return of_images;
+    const std::string problem = inputProblem(system_, intake_, writer_);
+    return problem.empty() ? "" : problem + chiefOf(turned_away) + loneImage(options_, input_);
+  }
+
+  /// Whether the place in a loaded map was looked for in vain.
+  bool isLost() const { return !options_.load_map.empty() && system_.counts().relocalisations == 0; }
+
+  /// Where it is wanted. Why not; empty: it is saved.
+  std::string saveMap() const {
+    const auto map = options_.save_map ? system_.estimator().savedMap() : nullptr;
+    if (!map) return {};
+    const std::string path = options_.output + "/" + kMapFileName;
+    std::error_code none;
+    if (isLost() && std::filesystem::equivalent(path, options_.load_map, none))
+      return "the map of this run was not saved, since " + options_.load_map +
+             ", whose place was not found, would be lost (--output another folder)";
+    try {
+      writeMapFile(path, map(), config_.ros.map_frame);
+    } catch (const MapError& e) { // one that cannot be written is no input that cannot be used
+      throw std::runtime_error(e.what());
+    }
+    return {};
+  }
+
+  const RunBagOptions& options_;
+  FullConfig config_;
+  BagInput input_;
+  SlamSystem system_;
+  Intake intake_;
+  RunWriter writer_;
+  std::unique_ptr<BagImages> images_; ///< nothing: not needed
+};
 
 } // namespace
 } // namespace vi_ekf_slam
@@ -290,7 +327,7 @@ int main(int argc, char** argv) {
       std::cout << kRunBagHelp;
       return kOk;
     }
-    return options.check ? check(options) : run(options);
+    return options.check ? check(options) : BagRun(options).run();
   } catch (const UsageError& e) {
     std::cerr << "run_bag: " << e.what() << "\nTry 'run_bag --help'." << std::endl;
     return kUsage;

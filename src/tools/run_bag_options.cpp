@@ -108,7 +108,8 @@ RunBagOptions parseRunBagOptions(int argc, const char* const* argv) {
   known.add_options()("help,h", po::bool_switch(&options.help))("quiet", po::bool_switch(&options.quiet))(
       "check", po::bool_switch(&options.check))("save-map", po::bool_switch(&options.save_map))(
       "bag", text(options.bag))("config", text(options.config))("initial-state", text(options.initial_state))(
-      "output", text(options.output))("load-map", text(options.load_map))("save-calibration", text(options.save_calibration))("topic-prefix", text(prefix))(
+      "output", text(options.output))("load-map", text(options.load_map))(
+      "save-calibration", text(options.save_calibration))("topic-prefix", text(prefix))(
       "imu", text(options.topics.imu))("velocity", text(options.topics.velocity))(
       "wheel-odometry", text(options.topics.wheel_odometry))("twist-bias", text(options.topics.twist_bias))(
       "features", text(options.topics.features))("left-info", text(options.topics.left_info))(

@@ -12,7 +12,7 @@ struct RunBagOptions {
   std::string initial_state; ///< file; empty: none
   std::string output;
   std::string load_map;                                               ///< empty: none
-  std::string save_calibration; ///< file to be written
+  std::string save_calibration;                                       ///< file to be written
   bool save_map = false;                                              ///< DIR/map.bag too
   std::string save_features;                                          ///< bag to be made; empty: none
   std::string left_image = "left/image", right_image = "right/image"; ///< absolute names in the end

@@ -74,7 +74,7 @@ class Columns {
     stale_.push_back(step.stale ? 1 : 0);
     append(twist_, step.velocity.front().linear_velocity);
     append(twist_, step.gyro.front().angular_velocity);
-    append(true_twist_, step.true_twist.front().twist);
+    append(true_twist_, step.true_twist.front());
     appendRows(poses_, step.world_T_imu);
     for (std::size_t i = 0; i < step.frame.features.size(); ++i) {
       const StereoFeatureObservation& feature = step.frame.features[i];
@@ -93,20 +93,23 @@ class Columns {
     std::vector<double> imu_T_cam;
     appendRows(imu_T_cam, rig.cam_T_imu.inverse());
     const std::vector<double> K = {c.fu, 0.0, c.cu, 0.0, c.fv, c.cv, 0.0, 0.0, 1.0};
-    writeNpy(directory + "/K.npy", K, {3, 3});
-    writeNpy(directory + "/baseline.npy", std::vector<double>{c.baseline}, {});
-    writeNpy(directory + "/imu_T_cam.npy", imu_T_cam, {3, 4});
-    writeNpy(directory + "/stamp.npy", stamps_, {frames});
-    writeNpy(directory + "/stale.npy", stale_, {frames});
-    writeNpy(directory + "/twist.npy", twist_, {frames, 6});
-    writeNpy(directory + "/true_twist.npy", true_twist_, {frames, 6});
-    writeNpy(directory + "/world_T_imu.npy", poses_, {frames, 3, 4});
-    writeNpy(directory + "/observation_frame.npy", frame_, {seen});
-    writeNpy(directory + "/observation_id.npy", id_, {seen});
-    writeNpy(directory + "/observation_pixels.npy", pixels_, {seen, 4});
-    writeNpy(directory + "/observation_point.npy", point_, {seen});
-    writeNpy(directory + "/observation_kind.npy", kind_, {seen});
-    writeNpy(directory + "/observation_world.npy", world_, {seen, 3});
+    const auto write = [&](const char* name, const auto& values, const std::vector<std::size_t>& shape) {
+      writeNpy(directory + "/" + name + ".npy", values, shape);
+    };
+    write("K", K, {3, 3});
+    write("baseline", std::vector<double>{c.baseline}, {});
+    write("imu_T_cam", imu_T_cam, {3, 4});
+    write("stamp", stamps_, {frames});
+    write("stale", stale_, {frames});
+    write("twist", twist_, {frames, 6});
+    write("true_twist", true_twist_, {frames, 6});
+    write("world_T_imu", poses_, {frames, 3, 4});
+    write("observation_frame", frame_, {seen});
+    write("observation_id", id_, {seen});
+    write("observation_pixels", pixels_, {seen, 4});
+    write("observation_point", point_, {seen});
+    write("observation_kind", kind_, {seen});
+    write("observation_world", world_, {seen, 3});
   }
 
  private:

@@ -72,35 +72,29 @@ double residentMegabytes() {
   return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
-template <typename Message>
-Message stamped(Stamp stamp, const char* frame) {
-  Message message;
-  message.header.stamp = conversions::toTime(stamp);
-  message.header.frame_id = frame;
-  return message;
+template <int size>
+using RowMajor = Eigen::Map<Eigen::Matrix<double, size, size, Eigen::RowMajor>>;
+
+void put(const Eigen::Vector3d& from, geometry_msgs::Vector3& to) {
+  to.x = from.x();
+  to.y = from.y();
+  to.z = from.z();
 }
 
 sensor_msgs::Imu toMessage(const ImuSample& sample) {
-  auto message = stamped<sensor_msgs::Imu>(sample.stamp, "imu");
-  message.angular_velocity.x = sample.angular_velocity.x();
-  message.angular_velocity.y = sample.angular_velocity.y();
-  message.angular_velocity.z = sample.angular_velocity.z();
-  for (std::size_t i = 0; sample.covariance && i < 9; ++i) {
-    message.angular_velocity_covariance[i] =
-        (*sample.covariance)(static_cast<int>(i / 3), static_cast<int>(i % 3));
-  }
+  sensor_msgs::Imu message;
+  message.header = conversions::toHeader(sample.stamp, "imu");
+  put(sample.angular_velocity, message.angular_velocity);
+  if (sample.covariance) RowMajor<3>(message.angular_velocity_covariance.data()) = *sample.covariance;
   return message;
 }
 
 geometry_msgs::TwistWithCovarianceStamped toMessage(const VelocitySample& sample) {
-  auto message = stamped<geometry_msgs::TwistWithCovarianceStamped>(sample.stamp, "imu");
-  message.twist.twist.linear.x = sample.linear_velocity.x();
-  message.twist.twist.linear.y = sample.linear_velocity.y();
-  message.twist.twist.linear.z = sample.linear_velocity.z();
-  for (std::size_t i = 0; sample.covariance && i < 9; ++i) {
-    message.twist.covariance[6 * (i / 3) + i % 3] =
-        (*sample.covariance)(static_cast<int>(i / 3), static_cast<int>(i % 3));
-  }
+  geometry_msgs::TwistWithCovarianceStamped message;
+  message.header = conversions::toHeader(sample.stamp, "imu");
+  put(sample.linear_velocity, message.twist.twist.linear);
+  if (sample.covariance)
+    RowMajor<6>(message.twist.covariance.data()).topLeftCorner<3, 3>() = *sample.covariance;
   return message;
 }
 

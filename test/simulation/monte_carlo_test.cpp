@@ -96,7 +96,7 @@ TEST(MonteCarlo, MeansAreOverTheSeeds) {
 TEST(MonteCarlo, WhatNeverStartedHasNoErrors) {
   SeedResult never;
   judgePath({}, never);
-  for (const double figure : {ate(never), never.smoothed_ate, never.node_nees, never.largest_node_nees,
+  for (const double figure : {never.ate, never.smoothed_ate, never.node_nees, never.largest_node_nees,
                               rmse(never, &FrameErrors::smoothed)})
     EXPECT_TRUE(std::isnan(figure));
 }

@@ -119,7 +119,7 @@ TEST(Motion, TwoLapsReturnToTheStart) {
   for (std::size_t k = 1; k < drive.steps.size(); ++k) {
     const SE3 &a = drive.steps[k - 1].world_T_imu, &b = drive.steps[k].world_T_imu;
     length += (b.translation() - a.translation()).norm();
-    highest = std::max(highest, drive.steps[k].true_twist.front().twist.head<3>().norm());
+    highest = std::max(highest, drive.steps[k].true_twist.front().head<3>().norm());
   }
   EXPECT_NEAR(length, 2.0 * lap, 0.01 * lap);
   EXPECT_LT(drive.steps.back().world_T_imu.translation().norm(), 2.0);
@@ -132,7 +132,7 @@ TEST(Motion, StandsStillWhereItIsTold) {
   options.corner_stop = 4.0;
   int at_rest = 0;
   for (const DriveStep& step : simulateDrive(options).steps) {
-    const bool rest = step.true_twist.front().twist.isZero(0.0);
+    const bool rest = step.true_twist.front().isZero(0.0);
     at_rest += rest ? 1 : 0;
     EXPECT_TRUE(rest || step.index >= 30) << step.index;
   }
@@ -148,7 +148,7 @@ TEST(Motion, ProcessModelIsARandomWalkOfTheGivenDensity) {
   const Drive drive = simulateDrive(options);
   Vector6d sum = Vector6d::Zero(), lagged = Vector6d::Zero(), before = Vector6d::Zero();
   for (std::size_t k = 1; k < drive.steps.size(); ++k) {
-    const Vector6d d = drive.steps[k].true_twist[0].twist - drive.steps[k - 1].true_twist[0].twist;
+    const Vector6d d = drive.steps[k].true_twist[0] - drive.steps[k - 1].true_twist[0];
     sum += d.cwiseAbs2();
     lagged += d.cwiseProduct(before);
     before = d;
@@ -173,7 +173,7 @@ TEST(Motion, TwistDecayKeepsTheTwistBounded) {
   double sum = 0.0, squares = 0.0;
   const Drive drive = simulateDrive(options);
   for (const DriveStep& step : drive.steps) {
-    const double v = step.true_twist.front().twist[0];
+    const double v = step.true_twist.front()[0];
     sum += v;
     squares += v * v;
   }
@@ -196,7 +196,7 @@ TEST(Samples, NoiseAndBiasAreThoseOfTheOptions) {
     for (std::size_t j = 0; j < step.gyro.size(); ++j, n += 1.0) {
       Vector6d noise;
       noise << step.velocity[j].linear_velocity, step.gyro[j].angular_velocity;
-      noise -= step.true_twist[j].twist;
+      noise -= step.true_twist[j];
       sum += noise;
       squares += (noise - bias).cwiseAbs2();
     }

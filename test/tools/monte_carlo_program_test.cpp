@@ -156,6 +156,15 @@ TEST(MonteCarloReport, RatesHaveARowEach) {
       << text;
 }
 
+TEST(MonteCarloReport, SaysWhichSeedsEndBeforeTheirDrive) {
+  std::vector<RateStudy> studies(1);
+  studies[0].results = {driveOf(6.0), driveOf(6.0)};
+  EXPECT_EQ(ratesSummary(studies).find("begun anew"), std::string::npos);
+  studies[0].results[1].begun_anew = true;
+  for (const std::string& text : {monteCarloSummary(studies[0].results), ratesSummary(studies)})
+    EXPECT_NE(text.find("begun anew                   1 of 2 seeds"), std::string::npos) << text;
+}
+
 TEST(MonteCarloReport, SummaryNamesTheLargestFallAndTheBounds) {
   std::vector<SeedResult> results(50, driveOf(6.0));
   results[7].yaw_fall = 0.25;
@@ -192,7 +201,7 @@ TEST(MonteCarloReport, WhatNeverStartedIsCountedAndLeftOutOfTheMeans) {
 TEST(MonteCarloReport, SaysOfHowManySeedsTheRigIs) {
   SeedResult whole = startAfter(0.5, 6.0), anew = startAfter(0.5, 6.0);
   whole.inertial->rig.fill({0.1, 0.01, 0.02});
-  anew.inertial->begun_anew = true;
+  anew.begun_anew = true;
   const std::string text = monteCarloSummary({whole, anew, anew});
   EXPECT_NE(text.find("begun anew                   2 of 3 seeds"), std::string::npos) << text;
   EXPECT_NE(text.find("the rig that it was told, of 1 of 3 seeds"), std::string::npos) << text;

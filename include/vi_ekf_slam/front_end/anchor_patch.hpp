@@ -46,7 +46,6 @@ class AnchorPatch {
   // which it sums, and so the last digit, does not depend on where in memory they are.
   static constexpr int kPadded = (kPixels + 15) / 16 * 16;
   using Pixels = Eigen::Matrix<float, kPadded, 1>;
-  enum class Axis { kAcross, kDown };
 
   struct View {
     Pixels values = Pixels::Zero();                        ///< mean 0, norm 1
@@ -59,8 +58,6 @@ class AnchorPatch {
     Parameters b;
   };
 
-  /// Of the pixels, 1 at the patch's edge.
-  static const Pixels& coordinates(Axis axis);
   /// False where it is not inside the image or has no contrast.
   static bool look(const cv::Mat& image, const Warp& warp, View& view);
 

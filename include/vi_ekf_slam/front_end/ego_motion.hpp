@@ -24,15 +24,13 @@ double disparityOf(const StereoCamera& camera, const Eigen::Vector3d& point);
 /// now_T_before of the rectified left camera: Gauss-Newton on the pixels' distances, beginning at `guess`, in
 /// which those that do not fit lose their weight (Geman and McClure), the sooner the better the guess is.
 /// Nothing where too few agree.
-std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
-                                  const SE3& guess);
-
-/// The same where a gyro has told the rotation, that of `told`, whose translation is guessed: the motion that
+///
+/// Where a gyro has told the rotation, it is that of `told`, whose translation is guessed: the motion that
 /// turns so is taken where one that is free to turn contradicts it and fits worse, or is not found. Something
 /// near that moves and fills half of the picture can be made to fit, nearly and together with the world, by a
 /// turn that is none.
 std::optional<SE3> estimateMotion(const StereoCamera& camera, const std::vector<Displacement>& displacements,
-                                  const SE3& guess, const SE3& told);
+                                  const SE3& guess, const std::optional<SE3>& told = {});
 
 /// px, how far the point is from where the motion puts it, at least: its disparity may be off, too, by as
 /// much.

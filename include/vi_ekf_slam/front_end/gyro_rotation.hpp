@@ -15,9 +15,6 @@ class GyroRotation {
   void add(const ImuSample& sample);
   /// Samples before `stamp` are not asked for any more.
   void forgetBefore(Stamp stamp);
-  void clear() { samples_.clear(); }
-  /// Of the newest sample.
-  std::optional<Stamp> newest() const;
 
   /// from_R_to: the rate is interpolated between samples. Nothing where they do not reach over both stamps.
   std::optional<Eigen::Matrix3d> between(Stamp from, Stamp to) const;

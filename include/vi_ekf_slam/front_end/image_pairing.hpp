@@ -73,6 +73,7 @@ class ImagePairing {
   };
 
   void add(PendingImage image, Camera& camera);
+  void dropOldest(Camera& camera);
   void pairUp();
   bool lacksSomething(const PendingPair& pair) const;
   bool isReady(const PendingPair& pair);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -15,12 +14,6 @@
 #include "vi_ekf_slam/simulation/traffic.hpp"
 
 namespace vi_ekf_slam::simulation {
-
-/// The true motion behind one pair of IMU samples.
-struct TrueTwist {
-  Stamp stamp = 0;
-  Vector6d twist = Vector6d::Zero(); ///< (v in m/s, omega in rad/s), IMU frame, at `stamp`
-};
 
 /// All that an inertial filter estimates of the body.
 struct TrueState {
@@ -46,7 +39,7 @@ struct DriveStep {
   Stamp stamp = 0;
   /// At `stamp`. The identity in the first step; with a raw IMU z points up instead.
   SE3 world_T_imu;
-  std::vector<TrueTwist> true_twist; ///< of `gyro`, in its order
+  std::vector<Vector6d> true_twist; ///< at the samples: (v in m/s, omega in rad/s), IMU frame
   std::vector<ImuSample> gyro;
   std::vector<VelocitySample> velocity;
   StereoFrame frame;
@@ -67,7 +60,6 @@ class DriveSimulator {
   /// Fraction of the drive that is done, from 0 to 1.
   double progress() const;
 
-  const View& view() const { return view_; }
   const StereoRig& rig() const { return view_.rig; }
   const DriveOptions& options() const { return options_; }
   /// With a raw IMU, before the first step: at the stamp of its first sample.
@@ -108,8 +100,6 @@ struct Drive {
   Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();     ///< rad/s
   Eigen::Vector3d velocity_bias = Eigen::Vector3d::Zero(); ///< m/s
   std::vector<DriveStep> steps;
-  /// Where the static points are, m in the world frame, by ObservationTruth::point.
-  std::map<std::uint64_t, Eigen::Vector3d> static_points;
 };
 
 Drive simulateDrive(const DriveOptions& options);

@@ -29,31 +29,27 @@ struct FrameErrors {
   std::size_t revisited = 0; ///< landmarks found to be ones that were seen before
 };
 
-/// Of an estimate at `time` s, whose map is the world of `truth` and `dead_reckoning`.
-FrameErrors frameErrors(double time, const SE3& truth, const StateEstimate& state, const SE3& dead_reckoning,
-                        const FrameReport& report);
-
 /// One drive through the estimator.
 struct SeedResult {
   std::uint64_t seed = 0;
   std::vector<FrameErrors> frames; ///< those with an estimate: none where it never started
+  bool begun_anew = false;         ///< the system has, after a gap or a contradiction: judged up to there
   double yaw_fall = 0.0;           ///< largest relative fall of the global yaw variance before an id returned
   std::size_t frames_rejected = 0; ///< as a whole
   /// Frames in which a place was recognised without ids; of these the ones that left the vehicle farther off
   /// than it was, by more than a metre.
   std::size_t places = 0, wrong_places = 0;
   std::size_t features = 0, features_used = 0;
-  double smoothed_ate = InertialOutcome::kNever; ///< m, of the path as it is known at the end
+  /// m, absoluteTrajectoryError, and that of the path as it is known at the end; not numbers without an
+  /// estimate.
+  double ate = InertialOutcome::kNever, smoothed_ate = InertialOutcome::kNever;
   /// Of its nodes: NEES of the pose, mean and largest; not numbers without any.
   double node_nees = InertialOutcome::kNever, largest_node_nees = InertialOutcome::kNever;
   std::optional<InertialOutcome> inertial; ///< with a raw IMU
 };
 
-/// Compares the path as it is known at the end with the truth of the result's frames.
+/// Compares the result's frames, and the path as it is known at the end, with their truth.
 void judgePath(const PathEstimate& path, SeedResult& result);
-
-/// Counts what the report of the last of the result's frames says of places.
-void countPlace(const FrameReport& report, SeedResult& result);
 
 /// Shares of the drive at which the NEES is judged.
 constexpr std::array<double, 4> kCheckPoints = {0.25, 0.5, 0.75, 1.0};
@@ -66,9 +62,9 @@ std::size_t checkPointFrame(double share, std::size_t frames);
 /// other cars, no stale frames. With a raw IMU: 3 s at rest, and 60 s of a room or two laps.
 DriveOptions studyOptions(MotionModel motion);
 
-/// Simulates a drive and takes it through the estimator of `config`, measurements in the order of SlamSystem
-/// (gyro, velocity, frame). Tracks that a stale frame breaks get a new id there, as dataset_to_bag.py gives
-/// them one. With a raw IMU as runInertialSeed.
+/// Simulates a drive and takes it through a SlamSystem of `config`; with a raw IMU it is told the truth (see
+/// toldTheTruth), and the paper's filter is refused by std::invalid_argument. Tracks that a stale frame
+/// breaks get a new id there, as dataset_to_bag.py gives them one.
 SeedResult runSeed(const Config& config, const DriveOptions& options, const InertialStudy& study = {});
 
 /// runSeed for seeds first, first + 1, ... The result depends neither on `jobs` (threads) nor on timing.
@@ -95,8 +91,6 @@ std::vector<MeanErrors> meansByFrame(const std::vector<SeedResult>& results);
 
 /// RMS over the frames of `member` of FrameErrors, m.
 double rmse(const SeedResult& result, double FrameErrors::*member);
-/// absoluteTrajectoryError of the drive, m; not a number without an estimate.
-double ate(const SeedResult& result);
 /// Sum of NIS over sum of its degrees of freedom; not a number when there are none.
 double nisPerDof(const SeedResult& result);
 

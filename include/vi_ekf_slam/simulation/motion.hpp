@@ -34,8 +34,8 @@ class Motion {
     move(dt);
     return twist;
   }
-  /// m travelled so far.
-  virtual double distance() const = 0;
+  /// m travelled so far along the path, where it goes on; 0 for a motion without an aim.
+  virtual double distance() const { return 0.0; }
   /// What an accelerometer feels now, where the motion has accelerations.
   virtual std::optional<Kinematics> kinematics(double /*ahead*/ = 0.0) const { return std::nullopt; }
 
@@ -83,13 +83,11 @@ class ProcessMotion : public Motion {
   explicit ProcessMotion(const DriveOptions& options);
   Vector6d begin(double /*dt*/) override { return twist_; }
   void move(double dt) override;
-  double distance() const override { return distance_; }
 
  private:
   Random random_;
   Vector6d nominal_, twist_, noise_;
   double decay_;
-  double distance_ = 0.0;
 };
 
 } // namespace vi_ekf_slam::simulation

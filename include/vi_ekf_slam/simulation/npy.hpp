@@ -8,9 +8,7 @@ namespace vi_ekf_slam::simulation {
 
 /// Writes an array in C order as a NumPy .npy file, format version 1.0. The product of `shape` must be the
 /// number of values. Throws std::runtime_error that names the file when it cannot be written in full.
-void writeNpy(const std::string& path, const std::vector<double>& values,
-              const std::vector<std::size_t>& shape);
-void writeNpy(const std::string& path, const std::vector<std::int64_t>& values,
-              const std::vector<std::size_t>& shape);
+template <class T> // double or std::int64_t
+void writeNpy(const std::string& path, const std::vector<T>& values, const std::vector<std::size_t>& shape);
 
 } // namespace vi_ekf_slam::simulation

@@ -29,6 +29,9 @@ enum class RandomStream : std::uint64_t {
   kLast = kCorners
 };
 
+/// SplitMix64 (Steele, Lea and Flood 2014): one number from another, as if by chance.
+std::uint64_t mix(std::uint64_t x);
+
 /// Random numbers that depend on (seed, stream) alone. The distributions of `<random>` differ between standard
 /// libraries, its engines do not; so the engine is theirs and the distributions are ours.
 class Random {

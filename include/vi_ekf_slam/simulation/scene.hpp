@@ -46,7 +46,10 @@ class Scene {
   virtual std::vector<ScenePoint> detect(const SE3& world_T_cam, std::size_t count,
                                          const std::vector<std::uint64_t>& taken) = 0;
   /// Whether something stands between the camera at `camera_world` and `point_world` (m).
-  virtual bool occluded(const Eigen::Vector3d& camera_world, const Eigen::Vector3d& point_world) const = 0;
+  virtual bool occluded(const Eigen::Vector3d& /*camera_world*/,
+                        const Eigen::Vector3d& /*point_world*/) const {
+    return false;
+  }
 };
 
 /// Points that stay where they are.
@@ -90,7 +93,6 @@ class RoomScene : public PointScene {
  public:
   /// Around a body that stays within `around` (world, m).
   RoomScene(const DriveOptions& options, const View& view, const Eigen::AlignedBox3d& around);
-  bool occluded(const Eigen::Vector3d&, const Eigen::Vector3d&) const override { return false; }
 };
 
 /// Points that come into being wherever the camera looks. They occlude nothing and never return.
@@ -99,7 +101,6 @@ class OpenScene : public Scene {
   OpenScene(const DriveOptions& options, const View& view);
   std::vector<ScenePoint> detect(const SE3& world_T_cam, std::size_t count,
                                  const std::vector<std::uint64_t>& taken) override;
-  bool occluded(const Eigen::Vector3d&, const Eigen::Vector3d&) const override { return false; }
 
  private:
   View view_;

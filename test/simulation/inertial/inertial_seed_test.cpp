@@ -1,5 +1,3 @@
-#include "vi_ekf_slam/simulation/inertial/inertial_seed.hpp"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -8,6 +6,8 @@
 
 #include "vi_ekf_slam/core/geometry/so3.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
+#include "vi_ekf_slam/simulation/inertial/told_truth.hpp"
+#include "vi_ekf_slam/simulation/monte_carlo.hpp"
 
 namespace vi_ekf_slam::simulation {
 namespace {

@@ -33,7 +33,6 @@ struct InertialStudy {
 struct InertialOutcome {
   static constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
   double start_delay = kNever; ///< s from the first frame to the first one with an estimate
-  bool begun_anew = false; ///< the estimator did, since its inputs contradict each other; judged up to there
   // NEES of the first estimate.
   double first_pose = kNever; ///< 6 degrees of freedom; 2 of a start by itself, in whose map the truth is put
   double first_tilt = kNever; ///< 2

@@ -1,11 +1,15 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "vi_ekf_slam/core/motion/initial_state.hpp"
+#include "vi_ekf_slam/core/observation/rig_variables.hpp"
 #include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
-#include "vi_ekf_slam/simulation/monte_carlo.hpp"
 
+/// What an estimator of a drive with a raw IMU is told of the truth.
 namespace vi_ekf_slam::simulation {
 
 /// `config` for a filter that is told what is true of the drive: the inertial model of motion, the densities
@@ -21,8 +25,20 @@ InitialState drawnStart(const TrueState& truth, std::uint64_t seed);
 /// there: such that `truth` has no error of position and none about the map's z axis.
 SE3 mapOfTruth(const SE3& truth, const SE3& estimate);
 
-/// runSeed of a drive with a raw IMU: through SlamSystem, told the truth. Throws std::invalid_argument for
-/// the paper's filter.
-SeedResult runInertialSeed(const Config& config, const DriveOptions& options, const InertialStudy& study);
+/// The rig that an estimator is told, which is not the true one.
+class ToldRig {
+ public:
+  ToldRig(std::uint64_t seed, const StereoRig& truth, const RigDisturbance& disturbance);
+
+  const StereoRig& told() const { return told_; }
+  /// s, of the IMU's clock ahead of the pictures' stamps, which the estimator is told to be 0.
+  double timeOffset() const { return time_offset_; }
+  /// What is left of the errors in an estimate of the rig.
+  std::array<InertialOutcome::RigPart, 8> judge(const RigEstimate& estimate) const;
+
+ private:
+  StereoRig truth_, told_;
+  double time_offset_ = 0.0;
+};
 
 } // namespace vi_ekf_slam::simulation
