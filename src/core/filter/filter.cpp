@@ -260,16 +260,11 @@ bool Filter::correct(const Innovation& in, const PointChart& chart) {
     reexpress(P(), points);
   }
   inactive_.correct(in, direct ? &*direct : nullptr, root, points);
-  transportPose(before);
-  if (turns) moveInactive(inactive_before);
-  return true;
-}
-
-/// The body is elsewhere than at `before`; its error is not another one.
-void Filter::transportPose(const Eigen::Vector3d& before) {
   const Eigen::Vector3d moved = pose().translation() - before;
   transport(P(), moved);
   inactive_.transform([&moved](auto X) { transportRows(X, moved); });
+  if (turns) moveInactive(inactive_before);
+  return true;
 }
 
 void Filter::remove(Handle handle) {

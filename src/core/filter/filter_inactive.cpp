@@ -1,4 +1,4 @@
-// What Filter does with variables that are inactive, and with its errors along the world axes.
+// What Filter does with variables that are inactive, and with the world's frame.
 
 #include <Eigen/Geometry>
 #include <stdexcept>
@@ -11,7 +11,7 @@
 namespace vi_ekf_slam {
 
 /// d = y - byPose (dp, theta): the error along the world axes, which does not change while the body moves.
-void Filter::deactivate(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& noise) {
+void Filter::deactivate(Handle handle) {
   settle();
   const Eigen::Index row = rowOf(handle), k = variables_.sizeOf(handle), n = rows();
   Eigen::MatrixXd D = Eigen::MatrixXd::Zero(k, 6);
@@ -20,14 +20,13 @@ void Filter::deactivate(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& 
   const auto P = covariance();
   Eigen::MatrixXd cross = P.middleCols(row, k);
   cross.noalias() += P.leftCols<6>() * D.transpose();
-  Eigen::MatrixXd own = cross.middleRows(row, k) + noise;
+  Eigen::MatrixXd own = cross.middleRows(row, k);
   own.noalias() += D * cross.topRows<6>();
   own = (0.5 * (own + own.transpose())).eval();
   inactive_.add(handle, variables_.mean(handle), row, D, own, cross);
   erase(variables_.remove(handle, Variables::Fate::kKeepsHandle), n);
 }
 
-/// Its error along the world axes is the pose's own of now.
 Handle Filter::clonePose() {
   settle();
   const Handle handle = variables_.reserve(Chart::kPose);
@@ -105,10 +104,10 @@ void Filter::makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::Mat
 void Filter::moveWorld(const SE3& to_T_world) {
   settle();
   if (!inactive_.isEmpty()) throw std::logic_error("a world with inactive variables cannot be moved");
-  const Eigen::Matrix3d& R = to_T_world.rotation();
-  onBothSides(P(), [&](Eigen::Ref<Eigen::MatrixXd> half) {
+  auto all = P();
+  const auto turnRows = [&] {
     const auto turn = [&](Eigen::Index row) {
-      half.middleRows<3>(row) = (R * half.middleRows<3>(row)).eval();
+      all.middleRows<3>(row) = (to_T_world.rotation() * all.middleRows<3>(row)).eval();
     };
     for (const Handle handle : variables_.handles()) {
       const Eigen::Index row = rowOf(handle);
@@ -117,7 +116,11 @@ void Filter::moveWorld(const SE3& to_T_world) {
       turn(row);
       if (chart == Chart::kPose) turn(row + 3);
     }
-  });
+  };
+  turnRows();
+  all.transposeInPlace();
+  turnRows();
+  mirrorLower(all);
   variables_.moveWorld(to_T_world);
 }
 
@@ -133,22 +136,6 @@ std::vector<Handle> Filter::adopt(const std::vector<Eigen::Vector3d>& points,
   }
   inactive_.adopt(std::move(adopted), covariance, std::move(cross));
   return handles;
-}
-
-Eigen::MatrixXd Filter::worldCovariance() const {
-  Eigen::MatrixXd result = covariance();
-  const Eigen::MatrixXd X = poseInfluence(pose().translation());
-  onBothSides(result, [&X](Eigen::Ref<Eigen::MatrixXd> half) {
-    const Eigen::MatrixXd by_pose = X * half.topRows<6>();
-    half -= by_pose;
-  });
-  return result;
-}
-
-Eigen::MatrixXd Filter::worldCross() const {
-  Eigen::MatrixXd cross = inactive_.cross();
-  const Eigen::MatrixXd by_pose = poseInfluence(pose().translation()) * cross.topRows<6>();
-  return cross - by_pose;
 }
 
 void Filter::setCoreCovariance(const Eigen::Ref<const Eigen::MatrixXd>& covariance) {

@@ -114,7 +114,10 @@ std::size_t InactiveStore::bytes() const {
   const Eigen::Index open =
       open_.F.size() + open_.information.size() + open_.origin.size() + open_.own.size();
   std::size_t total = settled_->covariance.bytes() + cross_.bytes();
-  for (const auto& block : blocks_) total += block->bytes();
+  if (replaced_.settled) total += replaced_.settled->covariance.bytes() + replaced_.cross.bytes();
+  for (const Blocks* blocks : {&blocks_, &replaced_.blocks}) {
+    for (const auto& block : *blocks) total += block->bytes();
+  }
   return total + static_cast<std::size_t>(open) * sizeof(double);
 }
 

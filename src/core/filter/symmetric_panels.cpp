@@ -23,10 +23,6 @@ SymmetricPanels::SymmetricPanels(const Eigen::MatrixXd& matrix) {
   set(0, 0, matrix);
 }
 
-Eigen::Index SymmetricPanels::heightOf(std::size_t panel) const {
-  return std::min(kPanel, rows_ - firstOf(panel));
-}
-
 void SymmetricPanels::resize(Eigen::Index rows) {
   rows_ = rows;
   panels_.resize(static_cast<std::size_t>((rows + kPanel - 1) / kPanel));
@@ -91,7 +87,7 @@ Eigen::MatrixXd SymmetricPanels::middleRows(Eigen::Index row, Eigen::Index rows)
     const auto own = static_cast<std::size_t>((row + i) / kPanel);
     result.row(i).head(row + i + 1) = panels_[own].row((row + i) % kPanel).head(row + i + 1);
     for (std::size_t p = own; p < panels_.size(); ++p) {
-      const Eigen::Index first = std::max(firstOf(p), row + i + 1), end = firstOf(p) + heightOf(p);
+      const Eigen::Index first = std::max(firstOf(p), row + i + 1), end = std::min(firstOf(p + 1), rows_);
       if (first >= end) continue;
       result.row(i).segment(first, end - first) =
           panels_[p].col(row + i).segment(first - firstOf(p), end - first).transpose();

@@ -48,12 +48,10 @@ void Recovery::travel(double distance_m, double angle_rad) {
   unused_angle_ += angle_rad;
 }
 
-void Recovery::endFrame() { distance_ = angle_ = 0.0; }
-
 Divergence Recovery::judge(Filter& filter, const LandmarkMap& map, const StereoModel& model,
                            const StereoFrame& frame, const std::vector<Association>& associations,
                            const FrameOutcome& outcome) {
-  const auto used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+  const std::size_t used = countTrue(outcome.used);
   Divergence divergence =
       monitor_.add({frame.stamp, distance_, angle_, associations.size(), used, outcome.skipped,
                     outcome.capped_nis, outcome.skipped ? 0 : 3 * associations.size()});

@@ -87,14 +87,13 @@ void AppearanceLoops::index(const Filter& filter, const LandmarkMap& map) {
   std::vector<KnownLook> known;
   if (wanted) {
     const auto active = map.indexById();
-    map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
-      const Landmark& landmark = l.landmark;
+    map.forEachOutOfView(filter, [&](const Landmark& landmark, const InactiveStore::Estimate& estimate) {
       // Those that have a saved map's new ids have not been seen since: then they would have a track's.
       const bool is_of_before =
           landmark.id >= LandmarkMap::kRenumbered ||
           filter.inactive().deactivatedSince(landmark.variable) > kViewsBefore * map.keptOfView();
       if (!is_of_before || landmark.descriptors.isEmpty() || active.count(landmark.id)) return;
-      known.push_back({landmark.id, l.estimate.variable.mean, l.estimate.covariance, landmark.descriptors});
+      known.push_back({landmark.id, estimate.variable.mean, estimate.covariance, landmark.descriptors});
     });
   }
   known_ = AppearanceIndex(std::move(known));

@@ -37,10 +37,10 @@ std::vector<bool> agreeing(const Innovation& in, std::size_t h) {
 
 std::vector<bool> largestAgreement(const Innovation& in) {
   std::vector<bool> best(in.measurements().size(), false);
-  std::ptrdiff_t most = 0;
+  std::size_t most = 0;
   for (std::size_t h = 0; h < best.size(); ++h) {
     std::vector<bool> agrees = agreeing(in, h);
-    const std::ptrdiff_t count = std::count(agrees.begin(), agrees.end(), true);
+    const std::size_t count = countTrue(agrees);
     if (count <= most) continue;
     most = count;
     best.swap(agrees);
@@ -48,9 +48,10 @@ std::vector<bool> largestAgreement(const Innovation& in) {
   return best;
 }
 
-Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma) {
-  Fusion result{std::vector<bool>(pairs.size(), false)};
-  if (pairs.empty()) return result;
+std::vector<bool> fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least,
+                                 double sigma) {
+  const std::vector<bool> none(pairs.size(), false);
+  if (pairs.empty()) return none;
   filter.settle();
   const Variables& variables = filter.variables();
   std::vector<LinearMeasurement> same; // x_now = x_before: y_now - y_before = x_before^ - x_now^
@@ -61,16 +62,15 @@ Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::
             .by(filter.rowOf(pair.before), -Eigen::Matrix3d::Identity()));
   }
   Innovation in(filter.covariance(), std::move(same));
-  std::vector<bool> best = largestAgreement(in);
-  const std::ptrdiff_t most = std::count(best.begin(), best.end(), true);
-  if (most == 0 || static_cast<std::size_t>(most) < least) return result;
+  const std::vector<bool> best = largestAgreement(in);
+  const std::size_t most = countTrue(best);
+  if (most == 0 || most < least) return none;
   in.putFirst(best);
   in.drop();
   // Straight coordinates: a correction that moves all rigidly must not bend what lies before the camera.
   if (!in.factorise() || !(in.nis() <= kJointGate * 3.0 * static_cast<double>(most)) || !filter.correct(in))
-    return result;
-  result.fused = std::move(best);
-  return result;
+    return none;
+  return best;
 }
 
 Revisit fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, std::size_t least,
@@ -84,11 +84,11 @@ Revisit fuseMatches(Filter& filter, LandmarkMap& map, const Matches& matches, st
   for (std::size_t i = 0; i < matches.size(); ++i)
     duplicates.push_back(
         {map.active()[index.at(matches[i].first)].variable, map.active()[first + i].variable});
-  const Fusion fusion = fuseDuplicates(filter, duplicates, least, sigma);
+  const std::vector<bool> fused = fuseDuplicates(filter, duplicates, least, sigma);
   std::vector<Stamp> last_seen;
   // From behind: whoever takes a place comes from behind it.
   for (std::size_t i = matches.size(); i-- > 0;) {
-    if (!fusion.fused[i]) {
+    if (!fused[i]) {
       map.deactivate(filter, first + i);
       continue;
     }

@@ -34,11 +34,11 @@ Revisit PlaceLoops::update(Filter& filter, LandmarkMap& map, Stamp now, Settling
   const double reach = kRadius + 3.0 * std::sqrt(covariance.diagonal().head<3>().maxCoeff());
   std::vector<PlacePoint> seen_now, seen_before;
   const auto active = map.indexById();
-  map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
-    const FeatureId id = l.landmark.id;
+  map.forEachOutOfView(filter, [&](const Landmark& landmark, const InactiveStore::Estimate& estimate) {
+    const FeatureId id = landmark.id;
     if (active.count(id)) return; // its id has returned: ReturningLandmarks'
-    const std::uint64_t since = filter.inactive().deactivatedSince(l.landmark.variable);
-    const Eigen::Vector3d position = l.estimate.variable.mean;
+    const std::uint64_t since = filter.inactive().deactivatedSince(landmark.variable);
+    const Eigen::Vector3d position = estimate.variable.mean;
     const double distance = (position - about).norm();
     if (since > kOldViews * view && distance < reach) seen_before.push_back({id, position});
     if (since <= kRecentViews * view && distance < kRadius) seen_now.push_back({id, position});
@@ -80,9 +80,9 @@ Revisit PlaceLoops::close(Filter& filter, LandmarkMap& map) {
   std::vector<Duplicate> pairs;
   for (const auto& [is_now, was] : matches)
     pairs.push_back({map.active()[index.at(is_now)].variable, map.active()[index.at(was)].variable});
-  const Fusion fusion = fuseDuplicates(filter, pairs, kLeastAgreeing, kNearPoint);
+  const std::size_t fused = countTrue(fuseDuplicates(filter, pairs, kLeastAgreeing, kNearPoint));
   for (std::size_t i = map.active().size(); i-- > first;) map.deactivate(filter, i);
-  return {fusion.count(), last_seen};
+  return {fused, last_seen};
 }
 
 } // namespace vi_ekf_slam

@@ -111,10 +111,10 @@ void lookAhead(Filter& filter, LandmarkMap& map, const StereoModel& model, Stamp
   if (static_cast<std::size_t>(known) < kLeast) return;
   const SE3 cam_T_world = model.camTWorld(filter);
   std::vector<FeatureId> ids;
-  map.forEachOutOfView(filter, [&](const LandmarkMap::OutOfView& l) {
-    const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(l.estimate.variable.mean);
-    if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, l.landmark.id))
-      ids.push_back(l.landmark.id);
+  map.forEachOutOfView(filter, [&](const Landmark& landmark, const InactiveStore::Estimate& estimate) {
+    const Eigen::Vector3d q = cam_T_world * Eigen::Vector3d(estimate.variable.mean);
+    if (q.z() > 0.0 && q.norm() < kExpectedDistance && isLongOutOfView(filter, map, landmark.id))
+      ids.push_back(landmark.id);
   });
   if (!ids.empty()) settling.isReady(filter, now);
   map.expect(std::move(ids), now);
@@ -151,7 +151,7 @@ void claimExpected(Filter& filter, LandmarkMap& map, const StereoModel& model, c
   std::vector<LinearMeasurement> seen;
   for (const Claim& claim : claims) seen.push_back(claim.seen);
   const std::vector<bool> agrees = largestAgreement(Innovation(filter.covariance(), std::move(seen)));
-  const bool agree = static_cast<std::size_t>(std::count(agrees.begin(), agrees.end(), true)) >= kAgreeing;
+  const bool agree = countTrue(agrees) >= kAgreeing;
   for (std::size_t k = 0; k < claims.size(); ++k) {
     if (agree ? !agrees[k] : !(claims[k].is_distinct && any_tracked)) continue;
     Landmark& landmark = map.active(claims[k].landmark);

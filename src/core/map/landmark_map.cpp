@@ -47,12 +47,12 @@ bool LandmarkMap::isGood(const Landmark& landmark) const {
           secondsBetween(landmark.first_seen, landmark.last_seen) >= options_.min_track_s);
 }
 
-void LandmarkMap::leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
+void LandmarkMap::leave(Filter& filter, std::size_t index) {
   const Landmark& landmark = active_[index];
   if (landmark.suspect || (keepsInactive() && isInactive(landmark.id))) {
     discard(filter, index); // not for the map, or there from before
   } else if (keepsInactive() && isGood(landmark)) {
-    deactivate(filter, index, noise);
+    deactivate(filter, index);
   } else {
     if (landmark.observations >= kArchivedObservations) archive_.put(estimateOf(filter, landmark));
     discard(filter, index);
@@ -64,8 +64,8 @@ void LandmarkMap::discard(Filter& filter, std::size_t index) {
   drop(index);
 }
 
-void LandmarkMap::deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise) {
-  filter.deactivate(active_[index].variable, noise);
+void LandmarkMap::deactivate(Filter& filter, std::size_t index) {
+  filter.deactivate(active_[index].variable);
   putInactive(active_[index]);
   drop(index);
 }

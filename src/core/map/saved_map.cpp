@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <unordered_set>
 
 #include "vi_ekf_slam/core/geometry/gaussian.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -19,23 +19,15 @@ constexpr double kSymmetry = 1e-9;         // of the standard deviations of row 
 // Of a correlation matrix's eigenvalues: what rounding leaves of exact zeros after a long drive.
 constexpr double kCorrelationRounding = 1e-8;
 
-std::string text(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof(buffer), "%.17g", value);
-  return buffer;
-}
-
-std::string within(double limit) {
-  char buffer[64];
-  std::snprintf(buffer, sizeof(buffer), "finite numbers from %g to %g", -limit, limit);
-  return buffer;
-}
+/// All digits of it.
+std::string text(double value) { return rounded(value, 17); }
 
 template <typename Vector>
 void requireWithin(const Vector& v, double limit, const std::string& source, const std::string& field) {
   for (Eigen::Index i = 0; i < v.size(); ++i) {
     if (!(std::abs(v[i]) <= limit))
-      refuse(source, field + "[" + std::to_string(i) + "]", text(v[i]), within(limit));
+      refuse(source, field + "[" + std::to_string(i) + "]", text(v[i]),
+             "finite numbers from " + rounded(-limit, 6) + " to " + rounded(limit, 6));
   }
 }
 

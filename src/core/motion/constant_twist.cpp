@@ -7,6 +7,7 @@
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
 
 namespace vi_ekf_slam {
+
 void ConstantTwist::addTo(Filter& filter) {
   twist_ = filter.augment(Chart::kVector, Vector6d::Zero(),
                           options_.prior_twist_sigma.cwiseAbs2().asDiagonal().toDenseMatrix(), {}, kTwist);
@@ -44,7 +45,7 @@ SE3 ConstantTwist::startPose() const {
 /// its mean over the step and Q dt / 2 between the two.
 void ConstantTwist::propagate(Filter& filter, double dt) const {
   const SE3& pose = filter.pose();
-  const Vector6d nu = twist(filter);
+  const Vector6d nu = filter.variables().mean(twist_);
   CoreStep step;
   step.pose = (pose * SE3::Exp(dt * nu)).normalized();
   Matrix6d moved = Matrix6d::Identity();
@@ -81,7 +82,8 @@ Eigen::Matrix3d ConstantTwist::noiseOf(const VelocitySample& sample) const {
   return sample.covariance.value_or(isotropic(options_.velocity_sigma));
 }
 
-void ConstantTwist::processStandstill(Filter& filter, double dt) const {
+void ConstantTwist::processStandstill(Filter& filter, const ImuTrack& /*imu*/, Stamp /*now*/,
+                                      double dt) const {
   filter.correct(measureStandstill(filter, twist_, dt));
 }
 
@@ -94,17 +96,14 @@ void ConstantTwist::reset(Filter& filter, bool biases, const TwistNoise& sampled
   };
   measured(0, sampled.velocity);
   measured(3, sampled.gyro);
-  filter.reset(twist_, P);
+  filter.makeIndependent(filter.rowOf(twist_), P);
   if (biases) resetBiases(filter);
 }
 
 void ConstantTwist::resetBiases(Filter& filter) const {
   filter.setMean(bias_, prior_bias_);
-  filter.reset(bias_, options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
-}
-
-Eigen::Vector3d ConstantTwist::gyroBias(const Filter& filter) const {
-  return filter.variables().mean(bias_).tail<3>();
+  filter.makeIndependent(filter.rowOf(bias_),
+                         options_.prior_bias_sigma.cwiseAbs2().asDiagonal().toDenseMatrix());
 }
 
 Eigen::Matrix3d ConstantTwist::gyroBiasCovariance(const Filter& filter) const {
@@ -112,7 +111,8 @@ Eigen::Matrix3d ConstantTwist::gyroBiasCovariance(const Filter& filter) const {
 }
 
 double ConstantTwist::twistChange(const Filter& filter, const Eigen::VectorXd& error) const {
-  return squaredMahalanobis(Vector6d(error.segment<6>(filter.rowOf(twist_))), twistCovariance(filter));
+  return squaredMahalanobis(Vector6d(error.segment<6>(filter.rowOf(twist_))),
+                            Matrix6d(filter.covariance(twist_)));
 }
 
 } // namespace vi_ekf_slam

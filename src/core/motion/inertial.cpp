@@ -161,18 +161,19 @@ void Inertial::reset(Filter& filter, bool biases, const TwistNoise& sampled) con
     const Eigen::Matrix3d& R = filter.pose().rotation();
     P = R * *sampled.velocity * R.transpose();
   }
-  filter.reset(velocity_, P);
+  filter.makeIndependent(filter.rowOf(velocity_), P);
   if (biases) resetBiases(filter);
 }
 
 void Inertial::resetBiases(Filter& filter) const {
   filter.setMean(gyro_bias_, prior_gyro_bias_);
-  filter.reset(gyro_bias_, isotropic(options_.gyro_bias_sigma));
+  filter.makeIndependent(filter.rowOf(gyro_bias_), isotropic(options_.gyro_bias_sigma));
   filter.setMean(accelerometer_bias_, Eigen::Vector3d::Zero());
-  filter.reset(accelerometer_bias_, isotropic(options_.accelerometer_bias_sigma));
+  filter.makeIndependent(filter.rowOf(accelerometer_bias_), isotropic(options_.accelerometer_bias_sigma));
   if (!accelerometer_scale_) return;
   filter.setMean(*accelerometer_scale_, Vector9d::Zero());
-  filter.reset(*accelerometer_scale_, scaleCovariance(options_.accelerometer_scale_sigma));
+  filter.makeIndependent(filter.rowOf(*accelerometer_scale_),
+                         scaleCovariance(options_.accelerometer_scale_sigma));
 }
 
 Eigen::Matrix3d Inertial::unscaling(const Filter& filter) const {
@@ -198,12 +199,10 @@ Matrix6d Inertial::twistCovariance(const Filter& filter, const ImuTrack& imu) co
 }
 
 Vector6d Inertial::bias(const Filter& filter) const {
-  Vector6d bias = Vector6d::Zero();
-  bias.tail<3>() = gyroBias(filter);
+  Vector6d bias;
+  bias << Eigen::Vector3d::Zero(), filter.variables().mean(gyro_bias_);
   return bias;
 }
-
-Eigen::Vector3d Inertial::gyroBias(const Filter& filter) const { return filter.variables().mean(gyro_bias_); }
 
 Eigen::Vector3d Inertial::accelerometerBias(const Filter& filter) const {
   return filter.variables().mean(accelerometer_bias_);

@@ -159,15 +159,17 @@ PointChart StereoModel::inverseDepthChart(const Filter& filter, const Eigen::Vec
     };
     return {move, seen, cam_R_before.transpose() * before.turn(r)};
   }
-  return [cam_R_before, t](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
-                           const Eigen::Vector3d& d) -> std::optional<MovedPoint> {
+  const auto move = [cam_R_before, t](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
+                                      const Eigen::Vector3d& d) -> std::optional<MovedPoint> {
     const Eigen::Matrix3d R = cam_R_before * turn.transpose();
     const Eigen::Vector3d q = R * way + t;
     if (!InverseDepth::isDefined(q)) return std::nullopt;
     const Eigen::Vector3d moved = InverseDepth::moved(q, R * d);
     return MovedPoint{R.transpose() * (moved - t),
-                      R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R, {}};
+                      R.transpose() * InverseDepth::pointJacobian(moved) * InverseDepth::jacobian(q) * R,
+                      {}};
   };
+  return {move};
 }
 
 } // namespace vi_ekf_slam

@@ -79,10 +79,7 @@ JointEkf::JointEkf(const PaperConfig& config)
 }
 
 void JointEkf::predict(const Vector6d& twist, double tau, const Matrix6d& W) {
-  InversePose pose{imu_T_world_, poseCovariance()};
-  paper::predict(twist, tau, W, pose);
-  imu_T_world_ = pose.imu_T_world;
-  covariance_.topLeftCorner<6, 6>() = pose.covariance;
+  paper::predict(twist, tau, W, imu_T_world_, covariance_.topLeftCorner<6, 6>());
   const Eigen::Index map_size = size_ - 6;
   auto cross = covariance_.block(0, 6, 6, map_size);
   cross = (errorTransition(twist, tau) * cross).eval();

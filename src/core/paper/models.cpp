@@ -11,11 +11,12 @@ Matrix6d errorTransition(const Vector6d& twist, double tau) {
   return SE3::Exp(-tau * twist).adjoint();
 }
 
-void predict(const Vector6d& twist, double tau, const Matrix6d& W, InversePose& pose) {
-  pose.imu_T_world = (SE3::Exp(-tau * twist) * pose.imu_T_world).normalized();
+void predict(const Vector6d& twist, double tau, const Matrix6d& W, SE3& imu_T_world,
+             Eigen::Ref<Matrix6d> covariance) {
+  imu_T_world = (SE3::Exp(-tau * twist) * imu_T_world).normalized();
   const Matrix6d F = errorTransition(twist, tau);
-  const Matrix6d P = F * pose.covariance * F.transpose() + W;
-  pose.covariance = 0.5 * (P + P.transpose());
+  const Matrix6d P = F * covariance * F.transpose() + W;
+  covariance = 0.5 * (P + P.transpose());
 }
 
 bool isPlausible(const StereoPixels& pixels) {

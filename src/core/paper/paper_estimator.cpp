@@ -17,7 +17,7 @@ void PaperEstimator::process(const VelocitySample& sample) {
 
 FrameReport PaperEstimator::process(const StereoFrame& frame) {
   predictTo(frame.stamp);
-  held_.advanceTo(frame.stamp);
+  held_.process(frame);
   if (rig_ && config_.mode == PaperMode::kMapping) return mapper_.update(*rig_, joint_.imuTWorld(), frame);
   if (rig_ && config_.mode == PaperMode::kSlam) return joint_.update(*rig_, frame);
   FrameReport report(frame);

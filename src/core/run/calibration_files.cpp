@@ -3,9 +3,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
+#include "vi_ekf_slam/core/sensors/words.hpp"
 
 namespace vi_ekf_slam {
 namespace {
@@ -28,11 +28,12 @@ SE3 readPose(YamlSection& root, const Range& place) {
   return SE3(Eigen::Quaterniond(q).normalized().toRotationMatrix(), p);
 }
 
+std::string numberText(double number) { return rounded(number, 12); }
+
 std::string listOf(const Eigen::VectorXd& numbers) {
-  std::ostringstream text;
-  text.precision(12);
-  for (Eigen::Index i = 0; i < numbers.size(); ++i) text << (i == 0 ? "[" : ", ") << numbers[i];
-  return text.str() + "]";
+  std::string text;
+  for (Eigen::Index i = 0; i < numbers.size(); ++i) text += (i == 0 ? "[" : ", ") + numberText(numbers[i]);
+  return text + "]";
 }
 
 } // namespace
@@ -68,20 +69,19 @@ InitialState readInitialState(const std::string& path) {
 
 std::string rigCalibrationText(const RigEstimate& e) {
   const Eigen::Quaterniond q(e.rig.cam_T_imu.rotation());
-  const auto one = [](double value) { return listOf(Eigen::VectorXd::Constant(1, value)); };
-  const auto number = [&one](double value) { return one(value).substr(1, one(value).size() - 2); };
   return "# The calibration as a run of vi_ekf_slam estimated it; calibration/file of a configuration takes "
          "it.\n"
          "# cam_T_imu takes points from the IMU's frame to the left camera's. A sigma of 0: it was taken as "
          "known.\n"
          "position: " +
          listOf(e.rig.cam_T_imu.translation()) + "  # m, of cam_T_imu\norientation: " + listOf(q.coeffs()) +
-         "  # x, y, z, w\nbaseline: " + number(e.rig.camera.baseline) +
-         "  # m\ntime_offset: " + number(e.time_offset) +
+         "  # x, y, z, w\nbaseline: " + numberText(e.rig.camera.baseline) +
+         "  # m\ntime_offset: " + numberText(e.time_offset) +
          "  # s, to be added to a picture's stamp\nrotation_sigma: " + listOf(e.rotation_sigma) +
          "  # rad, along the camera's axes\ntranslation_sigma: " + listOf(e.translation_sigma) +
-         "  # m, the same\ntime_offset_sigma: " + number(e.time_offset_sigma) +
-         "  # s\nbaseline_sigma: " + number(e.baseline_sigma) + "  # m\nrecording: " + listOf(e.recording) +
+         "  # m, the same\ntime_offset_sigma: " + numberText(e.time_offset_sigma) +
+         "  # s\nbaseline_sigma: " + numberText(e.baseline_sigma) +
+         "  # m\nrecording: " + listOf(e.recording) +
          "  # s, first and last stamp of what it was estimated from\n";
 }
 

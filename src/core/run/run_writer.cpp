@@ -180,8 +180,6 @@ std::vector<std::size_t> RunWriter::earlierSizes() const {
   return sizes;
 }
 
-double RunWriter::sensorSeconds() const { return runs_.back().records.seconds(); }
-
 std::string RunWriter::calibrationText(RigEstimate estimate) const {
   estimate.recording = recording();
   return rigCalibrationText(estimate);

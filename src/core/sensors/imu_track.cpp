@@ -15,7 +15,6 @@ constexpr double kAccelerationWalk = 10.0; // m/s^2.5
 constexpr double kMemory = 1.0;            // s, of how much the body shakes
 constexpr double kLeastDifferences = 5.0;  // to say so
 constexpr double kClearly = 2.0;           // times the noise that is stated; less is chance
-constexpr double kUsualPeriod = 0.01;      // s, before two samples have told
 constexpr double kWithoutAny = 1.0;        // s from a sample, where there is none at all
 constexpr double kLate = 1.5;              // periods, after which the next sample is missed
 // From one interval to the next: a parabola multiplies the noise of a shorter one (stamps of a host come in
@@ -109,8 +108,7 @@ Eigen::Vector3d ImuTrack::rateAt(Stamp stamp) const { return at(stamp).rate; }
 
 Eigen::Matrix3d ImuTrack::gyroNoise(const ImuSample& sample) const {
   if (!noise_given_ && sample.covariance) return *sample.covariance;
-  const double period = period_ > 0.0 ? period_ : kUsualPeriod;
-  return isotropic(noise_.gyro_density) / period;
+  return isotropic(noise_.gyro_density) / period_;
 }
 
 /// A sample's noise holds for a period: its density is the covariance times that. In a gap of T s between two
@@ -124,14 +122,13 @@ ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
                        b.acceleration - a.acceleration,
                        isotropic(noise_.gyro_density),
                        isotropic(noise_.accelerometer_density)};
-  const double period = period_ > 0.0 ? period_ : kUsualPeriod;
-  if (!noise_given_ && last_ && last_->covariance) interval.rate_density = period * *last_->covariance;
+  if (!noise_given_ && last_ && last_->covariance) interval.rate_density = period_ * *last_->covariance;
   if (!noise_given_ && last_ && last_->acceleration_covariance)
-    interval.acceleration_density = period * *last_->acceleration_covariance;
+    interval.acceleration_density = period_ * *last_->acceleration_covariance;
   if (weight_ >= kLeastDifferences) {
     for (Eigen::Index i = 0; i < 3; ++i) {
       const auto raise = [&](Eigen::Matrix3d& density, double variance) {
-        if (variance * period > kClearly * density(i, i)) density(i, i) = variance * period;
+        if (variance * period_ > kClearly * density(i, i)) density(i, i) = variance * period_;
       };
       raise(interval.rate_density, shaking_.rate[i]);
       raise(interval.acceleration_density, shaking_.acceleration[i]);
@@ -140,7 +137,7 @@ ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
   double gap = kWithoutAny;
   if (last_ || next_) gap = secondsBetween(last_ ? last_->stamp : from, next_ ? next_->stamp : to);
   const bool between = last_ && next_;
-  if (gap > (between ? kLongestPeriod : kLate * period)) {
+  if (gap > (between ? kLongestPeriod : kLate * period_)) {
     const double growth = between ? gap * gap / 12.0 : gap * gap;
     interval.rate_density += growth * isotropic(kRateWalk);
     interval.acceleration_density += growth * isotropic(kAccelerationWalk);

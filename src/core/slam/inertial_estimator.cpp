@@ -84,7 +84,7 @@ void InertialEstimator::tryToGoOn(Stamp now) {
     alignment_.reset();
     return;
   }
-  if (std::exchange(resuming_, nullptr)) map_ = resume_map_;
+  resuming_.reset();
   tryGiven(now);
 }
 
@@ -253,7 +253,7 @@ void InertialEstimator::resumeFrom(std::shared_ptr<const SavedMap> map, const st
   auto filter = std::make_unique<InvariantEstimator>(config_);
   filter->resumeFrom(map, source, max_gap_s);
   resuming_ = std::move(filter);
-  resume_map_ = std::move(map);
+  map_ = std::move(map);
 }
 
 } // namespace vi_ekf_slam

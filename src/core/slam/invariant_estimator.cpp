@@ -55,7 +55,7 @@ void InvariantEstimator::begin(const SE3& pose, const Matrix6d& covariance) {
   motion_->addTo(filter_);
   RigVariables::addTo(filter_, config_.rig);
   // An IMU tells a body's scale and turns where slipping tracks would be believed.
-  if (!motion_->knowsGravity()) slip_.addTo(filter_);
+  if (!filter_.isLevel()) slip_.addTo(filter_);
   filter_.closeCore();
   if (last_frame_) last_frame_->position = pose.translation();
 }
@@ -72,7 +72,8 @@ void InvariantEstimator::moveOriginHere() {
   const SE3& pose = filter_.pose();
   const Eigen::Matrix3d level = so3::Exp({0.0, 0.0, -so3::heading(pose.rotation())});
   moveWorld(SE3(level, -(level * pose.translation())));
-  for (const Eigen::Index row : {0, 1, 2, 5}) filter_.fixPose(row, kPosePriorSigma * kPosePriorSigma);
+  for (const Eigen::Index row : {0, 1, 2, 5})
+    filter_.makeIndependent(row, startCovariance().block<1, 1>(row, row));
 }
 
 /// An error of the place by dp, and of the heading by theta, moves the body of now by dp - [p - there]x
@@ -204,7 +205,7 @@ void InvariantEstimator::useFeatures(const StereoFrame& frame, FrameReport& repo
   letTracksWalk(filter_, landmarks, *model_, frame, seen.known, secondsSinceFrame(frame.stamp));
   const FrameOutcome outcome =
       FrameUpdate(config_.update, *model_, *motion_).apply(filter_, std::move(seen.measurements));
-  report.used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+  report.used = countTrue(outcome.used);
   report.rejected_now = seen.known.size() - report.used;
   report.rejected = usable.rejected + report.rejected_now;
   report.frame_rejected = outcome.skipped;
@@ -277,9 +278,10 @@ void InvariantEstimator::initialise(const StereoFrame& frame, const std::vector<
     const auto seen = model_->triangulate(filter_, f.pixels, f.sigma);
     if (!seen) continue;
     const Handle variable = filter_.augment(Chart::kPoint, seen->position, seen->noise, seen->by);
-    landmarks.add(
-        {f.id, variable, 1, frame.stamp, frame.stamp, false, false, tracks_.isSuspect(f.id), false});
-    if (f.descriptor) landmarks.active(landmarks.active().size() - 1).descriptors.add(*f.descriptor);
+    Landmark landmark{f.id, variable, 1, frame.stamp, frame.stamp};
+    landmark.suspect = tracks_.isSuspect(f.id);
+    if (f.descriptor) landmark.descriptors.add(*f.descriptor);
+    landmarks.add(landmark);
     ++report.initialised;
   }
 }

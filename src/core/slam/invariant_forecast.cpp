@@ -34,7 +34,7 @@ std::optional<Filter> InvariantEstimator::ahead(Stamp end, double known_tilt) co
 }
 
 bool InvariantEstimator::canBridge(double gap_s) const {
-  const double known_tilt = motion_->knowsGravity() ? kBridgedTilt : kBridgedHeading;
+  const double known_tilt = filter_.isLevel() ? kBridgedTilt : kBridgedHeading;
   return ahead(stamp_.value_or(0) + fromSeconds(gap_s), known_tilt).has_value();
 }
 

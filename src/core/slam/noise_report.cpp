@@ -1,23 +1,19 @@
 #include "vi_ekf_slam/core/slam/noise_report.hpp"
 
 #include <cmath>
-#include <sstream>
+
+#include "vi_ekf_slam/core/sensors/words.hpp"
 
 namespace vi_ekf_slam {
 namespace {
 
 constexpr std::size_t kImuIntervals = 10; // whose mean is the IMU's period
-
-std::string shortText(double value) {
-  std::ostringstream stream;
-  stream << value;
-  return stream.str();
-}
+constexpr int kDigits = 6;
 
 } // namespace
 
 std::string toText(const StreamNoise& noise) {
-  return noise.stream + " " + shortText(noise.sigma) + " " + noise.unit + " (" + noise.source + ")";
+  return noise.stream + " " + rounded(noise.sigma, kDigits) + " " + noise.unit + " (" + noise.source + ")";
 }
 
 NoiseReport::NoiseReport(const Config& config)
@@ -59,9 +55,9 @@ void NoiseReport::noteSensor(Sensor& sensor, const std::optional<Eigen::Matrix3d
   StreamNoise noise = sensor.configured;
   if (given) {
     noise.sigma = std::sqrt(covariance->trace() / 3.0 * (is_density ? imu_period_ : 1.0));
-    noise.source =
-        is_density ? "from its messages' covariance at " + shortText(std::round(1.0 / imu_period_)) + " Hz"
-                   : "from its messages";
+    noise.source = is_density ? "from its messages' covariance at " +
+                                    rounded(std::round(1.0 / imu_period_), kDigits) + " Hz"
+                              : "from its messages";
   }
   if (sensor.used) {
     sensor.used->source += "; later " + toText(noise);

@@ -330,13 +330,10 @@ void SlamSystem::updateDeadReckoning(const Measurement& measurement, const State
   if (!dead_reckoning_.stamp()) dead_reckoning_.begin(estimator_->startPose().value_or(state.world_T_imu));
   const Stamp now = stampOf(measurement);
   if (std::holds_alternative<VelocitySample>(measurement)) last_velocity_ = now;
-  if (!motion_.isInertial() && last_velocity_ && secondsBetween(*last_velocity_, now) < kVelocityHolds) {
-    if (const auto* gyro = std::get_if<ImuSample>(&measurement)) return dead_reckoning_.process(*gyro);
-    if (const auto* velocity = std::get_if<VelocitySample>(&measurement))
-      return dead_reckoning_.process(*velocity);
-    return dead_reckoning_.advanceTo(now);
-  }
-  dead_reckoning_.setTwist(now, state.twist);
+  if (!motion_.isInertial() && last_velocity_ && secondsBetween(*last_velocity_, now) < kVelocityHolds)
+    std::visit([this](const auto& sample) { dead_reckoning_.process(sample); }, measurement);
+  else
+    dead_reckoning_.setTwist(now, state.twist);
 }
 
 void SlamSystem::reportStart() {

@@ -14,8 +14,7 @@ namespace {
 constexpr double kLeastShare = 0.1, kMajority = 0.5;
 
 double shareOf(const std::vector<bool>& chosen) {
-  return static_cast<double>(std::count(chosen.begin(), chosen.end(), true)) /
-         static_cast<double>(chosen.size());
+  return static_cast<double>(countTrue(chosen)) / static_cast<double>(chosen.size());
 }
 
 } // namespace
@@ -93,7 +92,7 @@ std::vector<bool> FrameUpdate::choose(const Innovation& in, const std::vector<do
 bool FrameUpdate::reconsider(Innovation& in, FrameOutcome& outcome) const {
   std::vector<bool>& used = outcome.used;
   std::vector<bool> passes;
-  std::size_t waiting = static_cast<std::size_t>(std::count(used.begin(), used.end(), true));
+  std::size_t waiting = countTrue(used);
   for (std::size_t i = 0; i < used.size(); ++i) {
     if (used[i]) continue;
     const double nis = options_.consensus ? in.nisOf(waiting++) : kContradicts;

@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "vi_ekf_slam/core/motion/constant_twist.hpp"
+
 namespace vi_ekf_slam {
 namespace {
 
@@ -17,7 +19,7 @@ constexpr int kGuesses = 4;     // a guess is off by the square of what the one 
 
 void guessTwist(Filter& filter, const FrameUpdate& update, const LandmarkMap& map, const StereoFrame& frame,
                 double seconds, const std::function<void(Filter&)>& ahead) {
-  const auto known = update.motion().twistAsVariable();
+  const auto known = filter.variables().find(ConstantTwist::kTwist);
   if (!known || map.active().empty()) return;
   const Eigen::VectorXd variances = filter.covariance(*known).diagonal();
   if (!(seconds * std::sqrt(variances.head<3>().maxCoeff()) > kLinearWay)) return;

@@ -118,8 +118,7 @@ class TwoLaps {
 
   void leave(std::size_t count) {
     const auto end = in_view_.begin() + static_cast<std::ptrdiff_t>(count);
-    for (auto handle = in_view_.begin(); handle != end; ++handle)
-      filter_.deactivate(*handle, Eigen::Matrix3d::Zero());
+    for (auto handle = in_view_.begin(); handle != end; ++handle) filter_.deactivate(*handle);
     in_view_.erase(in_view_.begin(), end);
   }
 

@@ -27,8 +27,8 @@ Eigen::MatrixXd leftOf(const Filter& filter, const SE3& before, bool all) {
 
 LinearMeasurement velocityOf(const Scene& scene, const Eigen::Vector3d& residual, const Eigen::Matrix3d& R) {
   return LinearMeasurement(residual, R)
-      .by(scene.filter.rowOf(scene.motion.twistVariable()), Eigen::Matrix3d::Identity())
-      .by(scene.filter.rowOf(scene.motion.biasVariable()), Eigen::Matrix3d::Identity());
+      .by(scene.filter.rowOf(handleOf(scene.filter, ConstantTwist::kTwist)), Eigen::Matrix3d::Identity())
+      .by(scene.filter.rowOf(handleOf(scene.filter, ConstantTwist::kBias)), Eigen::Matrix3d::Identity());
 }
 
 TEST(Correction, OfTheCoreIsTheTextbooks) {
@@ -131,7 +131,7 @@ TEST(Correction, IsRefusedWhereItIsNoneAndNothingChanges) {
 TEST(Correction, ResetForgetsAVariableAndNothingElse) {
   Random random(9);
   Scene scene = busyScene(random);
-  const Handle twist = scene.motion.twistVariable();
+  const Handle twist = handleOf(scene.filter, ConstantTwist::kTwist);
   Eigen::MatrixXd expected = scene.filter.covariance();
   const Eigen::Index row = scene.filter.rowOf(twist);
   expected.middleRows<6>(row).setZero();
@@ -139,7 +139,7 @@ TEST(Correction, ResetForgetsAVariableAndNothingElse) {
   const Matrix6d covariance = random.covariance<6>();
   expected.block<6, 6>(row, row) = covariance;
   const State before = stateOf(scene.filter);
-  scene.filter.reset(twist, covariance);
+  scene.filter.makeIndependent(row, covariance);
   EXPECT_EQ(distance(scene.filter.covariance(), expected), 0.0);
   EXPECT_EQ(distance(stateOf(scene.filter).x, before.x), 0.0);
 }
@@ -147,7 +147,7 @@ TEST(Correction, ResetForgetsAVariableAndNothingElse) {
 TEST(Correction, IsTheSameHoweverOftenTheCoreIsSettled) {
   Random random(10);
   Scene once = busyScene(random, 4, 0.02);
-  once.filter.deactivate(once.points.back(), Eigen::Matrix3d::Zero());
+  once.filter.deactivate(once.points.back());
   once.points.pop_back();
   Scene often = once;
   for (int i = 0; i < 50; ++i) {

@@ -77,7 +77,7 @@ class DenseFilter {
       } else if (v.chart == Chart::kPoint && v.active && !core) {
         const Eigen::Vector3d way = v.mean - before;
         const Eigen::Vector3d shift = error.head<3>(), d = e + so3::hat(error.segment<3>(3)) * way + shift;
-        const auto moved = !chart     ? std::nullopt
+        const auto moved = !chart      ? std::nullopt
                            : with_body ? chart.move(turn, turn * way, turn * e)
                                        : chart.move(turn, way - shift, d);
         v.mean = now + (moved ? moved->way : Eigen::Vector3d(turn * (way + e)));
@@ -151,11 +151,10 @@ class DenseFilter {
     variables_.back().active = false;
   }
 
-  void deactivate(Handle handle, const Eigen::MatrixXd& noise) {
+  void deactivate(Handle handle) {
     settle();
     Variable& v = of(handle);
     if (v.chart == Chart::kPoint) shift(v, -1.0, v.mean);
-    P_.block(v.row, v.row, noise.rows(), noise.cols()) += noise;
     v.linearised = v.mean;
     v.active = false;
   }

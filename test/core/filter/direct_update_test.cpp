@@ -114,7 +114,7 @@ TEST(DirectUpdateTest, IsForMostPointsSeenOnceEachAndDirectly) {
 TEST(DirectUpdateTest, LosesNothingWhereThePointsAreKnownFarBetterThanMeasured) {
   Random random(3);
   Scene fast = busyScene(random, 9);
-  fast.filter.deactivate(fast.points[8], Eigen::Matrix3d::Zero());
+  fast.filter.deactivate(fast.points[8]);
   Scene slow = fast;
   auto all = directs(random, fast, {0, 1, 2, 3, 4, 5, 6, 7});
   std::size_t made = 0;

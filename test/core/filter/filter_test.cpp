@@ -60,7 +60,7 @@ class Pair {
       dense_.settle();
     } else if (dice < 0.995) {
       const Eigen::MatrixXd covariance = randomCovariance(random_, 6, 0.1);
-      filter_.reset(core_[0], covariance);
+      filter_.makeIndependent(filter_.rowOf(core_[0]), covariance);
       dense_.reset(core_[0], covariance);
     } else {
       dense_.settle();
@@ -234,13 +234,13 @@ class Pair {
     in.drop();
     ASSERT_TRUE(in.factorise());
     direct_ += DirectUpdate::make(in) ? 1 : 0;
-    const PointChart chart = [](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way,
-                                const Eigen::Vector3d& d) {
-      Eigen::Matrix3d M = Eigen::Matrix3d::Identity();
-      M = (M + 0.1 * std::sin(way.x()) * turn).eval();
-      if (way.x() < 0.0) return std::optional<MovedPoint>();
-      return std::optional<MovedPoint>(MovedPoint{way + M * d, M, {}});
-    };
+    const PointChart chart{
+        [](const Eigen::Matrix3d& turn, const Eigen::Vector3d& way, const Eigen::Vector3d& d) {
+          Eigen::Matrix3d M = Eigen::Matrix3d::Identity();
+          M = (M + 0.1 * std::sin(way.x()) * turn).eval();
+          if (way.x() < 0.0) return std::optional<MovedPoint>();
+          return std::optional<MovedPoint>(MovedPoint{way + M * d, M, {}});
+        }};
     ASSERT_TRUE(filter_.correct(in, chart));
     correctDense(all, chart, false);
   }
@@ -263,9 +263,8 @@ class Pair {
   void deactivate() {
     if (points_.size() < 3) return;
     const Handle handle = anyOf(points_);
-    const Eigen::MatrixXd noise = randomCovariance(random_, filter_.variables().sizeOf(handle), 1e-3);
-    filter_.deactivate(handle, noise);
-    dense_.deactivate(handle, noise);
+    filter_.deactivate(handle);
+    dense_.deactivate(handle);
     points_.erase(std::find(points_.begin(), points_.end(), handle));
     inactive_.push_back(handle);
   }

@@ -31,7 +31,7 @@ struct Leaving {
     if (!all.empty()) correct(scene.filter, all);
   }
   void leave() {
-    scene.filter.deactivate(scene.points.front(), 1e-3 * random.covariance<3>());
+    scene.filter.deactivate(scene.points.front());
     away.push_back(scene.points.front());
     scene.points.erase(scene.points.begin());
   }
@@ -198,6 +198,21 @@ TEST(InactiveStoreTest, DoesNotGrowWithTheDrive) {
     if (i == 300) bytes = drive.store().bytes();
   }
   EXPECT_LE(drive.store().bytes(), bytes + bytes / 2);
+}
+
+TEST(InactiveStoreTest, CountsTheBytesOfWhatASettlingHasReplaced) {
+  Leaving drive(9);
+  const auto goOn = [&drive] {
+    while (drive.store().deferredBlocks() == 0) drive.frame();
+  };
+  goOn();
+  drive.scene.filter.beginSettlingInactive();
+  drive.scene.filter.endSettlingInactive();
+  goOn();
+  const std::size_t bytes = drive.store().bytes();
+  drive.scene.filter.beginSettlingInactive(); // which frees it
+  EXPECT_LT(drive.store().bytes(), bytes);
+  drive.scene.filter.endSettlingInactive();
 }
 
 TEST(InactiveStoreTest, KnowsItsVariablesOnly) {

@@ -59,7 +59,7 @@ class Eventful {
     for (int i = 0; i < 2; ++i) {
       const std::size_t k = anyOf(away_);
       scene_.filter.activate({away_[k]});
-      scene_.filter.deactivate(away_[k], Eigen::Matrix3d::Zero());
+      scene_.filter.deactivate(away_[k]);
     }
     return "reactivation";
   }
@@ -93,7 +93,7 @@ class Eventful {
           scene_.worldTCam().inverse() * scene_.filter.variables().point(scene_.points[i]);
       if (q.z() > 3.0 && random_.uniform(0.0, 1.0) < 0.93) continue;
       if (random_.uniform(0.0, 1.0) < 0.7) {
-        scene_.filter.deactivate(scene_.points[i], Eigen::Matrix3d::Zero());
+        scene_.filter.deactivate(scene_.points[i]);
         away_.push_back(scene_.points[i]);
       } else {
         scene_.filter.remove(scene_.points[i]);
@@ -132,7 +132,7 @@ class Eventful {
     fuseDuplicates(scene_.filter, pairs, 1, 1e-3);
     for (const Duplicate& pair : pairs) scene_.filter.remove(pair.before);
     for (const Duplicate& pair : pairs) {
-      scene_.filter.deactivate(pair.now, Eigen::Matrix3d::Zero());
+      scene_.filter.deactivate(pair.now);
       away_.push_back(pair.now);
     }
   }
@@ -173,8 +173,8 @@ struct Doubted {
     deferred.addNoise(0, doubt); // what is seen of the points from the body is as it was
     dense.addNoise(0, doubt);
     for (int i = 0; i < 10; ++i) {
-      deferred.deactivate(points.back(), Eigen::Matrix3d::Zero());
-      dense.deactivate(points.back(), Eigen::Matrix3d::Zero());
+      deferred.deactivate(points.back());
+      dense.deactivate(points.back());
       points.pop_back();
     }
     drive(100);
@@ -239,7 +239,7 @@ struct Doubted {
   /// The world shifted, or turned about where the doubt came.
   Eigen::MatrixXd gauge() const {
     const Eigen::Index n = deferred.rows();
-    Eigen::MatrixXd N = Eigen::MatrixXd::Zero(n + deferred.inactive().rows(), 6);
+    Eigen::MatrixXd N = Eigen::MatrixXd::Zero(n + deferred.inactive().covariance().rows(), 6);
     N.topRows<6>().setIdentity();
     N.block<3, 3>(0, 3) = -so3::hat(deferred.pose().translation() - about);
     for (std::size_t i = 0; i < deferred.inactive().variables().size(); ++i) {

@@ -84,15 +84,16 @@ Scene busyScene(Random& random, std::size_t points, const RigVariables::Options&
   Scene scene = coreScene(random, rig);
   Vector6d twist;
   twist << 8.0, 0.3, -0.2, 0.05, -0.1, 0.4;
-  scene.filter.setMean(scene.motion.twistVariable(), twist);
-  scene.filter.setMean(scene.motion.biasVariable(), 0.01 * random.vector<6>(-1.0, 1.0));
+  scene.filter.setMean(handleOf(scene.filter, ConstantTwist::kTwist), twist);
+  scene.filter.setMean(handleOf(scene.filter, ConstantTwist::kBias), 0.01 * random.vector<6>(-1.0, 1.0));
   if (scene.scale) scene.filter.setMean(*scene.scale, Eigen::VectorXd::Constant(1, 0.02));
   for (int i = 0; i < 20; ++i) scene.motion.propagate(scene.filter, 0.1);
   for (std::size_t i = 0; i < points; ++i) scene.addPoint(random);
   for (const Handle point : scene.points) {
     LinearMeasurement mix(Eigen::Vector3d::Zero(), Eigen::Matrix3d(0.1 * random.covariance<3>()));
     mix.by(0, 0.3 * randomMatrix(random, 3, 6));
-    mix.by(scene.filter.rowOf(scene.motion.twistVariable()), 0.3 * randomMatrix(random, 3, 6));
+    mix.by(scene.filter.rowOf(handleOf(scene.filter, ConstantTwist::kTwist)),
+           0.3 * randomMatrix(random, 3, 6));
     mix.by(scene.filter.rowOf(point), 0.3 * randomMatrix(random, 3, 3));
     EXPECT_TRUE(scene.filter.correct(mix));
   }
@@ -254,14 +255,24 @@ void expectCovariance(const Eigen::MatrixXd& P) {
   EXPECT_TRUE(isJointlyPositive(P, 1e-12));
 }
 
+Eigen::MatrixXd worldAxesOf(const Filter& filter) {
+  const Variables& variables = filter.variables();
+  Eigen::MatrixXd T = Eigen::MatrixXd::Identity(filter.rows(), filter.rows());
+  for (const Handle handle : variables.handles()) {
+    if (variables.chartOf(handle) == Chart::kPoint)
+      T.block<3, 6>(filter.rowOf(handle), 0) = -byPose(variables.point(handle), filter.pose().translation());
+  }
+  return T;
+}
+
 Eigen::MatrixXd jointOf(Filter filter) {
   filter.settleInactive();
   const Eigen::Index n = filter.rows();
   if (filter.inactive().isEmpty()) return filter.covariance();
-  const Eigen::Index N = filter.inactive().rows();
+  const Eigen::Index N = filter.inactive().covariance().rows();
   Eigen::MatrixXd P(n + N, n + N);
   P << Eigen::MatrixXd(filter.covariance()), filter.inactive().cross(), filter.inactive().cross().transpose(),
-      filter.inactive().covariance().dense();
+      filter.inactive().covariance().middleRows(0, N);
   return P;
 }
 

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "../covariances.hpp"
@@ -55,6 +56,14 @@ Scene coreScene(Random& random, double scale_sigma = 0.0,
 Scene busyScene(Random& random, std::size_t points, const RigVariables::Options& rig);
 
 Scene busyScene(Random& random, std::size_t points = 3, double scale_sigma = 0.0);
+
+/// The variable of this name, which the filter has.
+inline Handle handleOf(const Filter& filter, const std::string& name) {
+  return filter.variables().find(name).value();
+}
+
+/// For what a constant twist does not need.
+inline const ImuTrack kNoImu({}, false);
 
 /// A truth or a mean: the pose, and what the other variables are, row by row.
 struct State {
@@ -111,6 +120,9 @@ double worstCorrelationError(const Eigen::MatrixXd& P, const Eigen::MatrixXd& Q)
 bool isJointlyPositive(const Eigen::MatrixXd& P, double jitter = 1e-9);
 
 void expectCovariance(const Eigen::MatrixXd& P);
+
+/// (rows() square) T x are the errors x along the world's axes: of points x - x^ in the place of y.
+Eigen::MatrixXd worldAxesOf(const Filter& filter);
 
 /// Of all active errors, and behind them those that are inactive along the world axes.
 Eigen::MatrixXd jointOf(Filter filter);

@@ -192,13 +192,15 @@ TEST(VariablesTest, PointsMoveRigidlyWithABodyThatIsMovedWithThem) {
   variables.add(Chart::kWorldVector, random.vector<3>(-5.0, 5.0));
   std::vector<Handle> points;
   for (int i = 0; i < 12; ++i)
-    points.push_back(variables.add(Chart::kPoint, variables.pose().translation() + random.vector<3>(-20.0, 20.0)));
+    points.push_back(
+        variables.add(Chart::kPoint, variables.pose().translation() + random.vector<3>(-20.0, 20.0)));
   const Variables before = variables;
   Eigen::VectorXd error = Eigen::VectorXd::Zero(variables.rows());
   error.head<6>() << 5.0, -2.0, 1.0, 0.1, -0.05, 0.02;
-  const PointChart bent = [](const Eigen::Matrix3d&, const Eigen::Vector3d& way, const Eigen::Vector3d& d) {
-    return std::optional<MovedPoint>(MovedPoint{way + d + 0.2 * d.norm() * d, Eigen::Matrix3d::Identity(), {}});
-  };
+  const PointChart bent{[](const Eigen::Matrix3d&, const Eigen::Vector3d& way, const Eigen::Vector3d& d) {
+    return std::optional<MovedPoint>(
+        MovedPoint{way + d + 0.2 * d.norm() * d, Eigen::Matrix3d::Identity(), {}});
+  }};
   variables.retract(error, variables.rows(), bent);
   const SE3 moved = variables.pose() * before.pose().inverse();
   for (const Handle point : points)

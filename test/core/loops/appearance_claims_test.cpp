@@ -94,7 +94,7 @@ TEST(AppearanceClaims, WhereTheirPlaceIsHardlyKnownThreeMustAgree) {
 TEST(AppearanceClaims, OneThatTheOthersContradictIsLeftOut) {
   Expected e(0.01, 4);
   // The pose is known to 0.5 m, so that 1 m is nothing for one of them by itself.
-  e.filter.fixPose(1, 0.25);
+  e.filter.makeIndependent(1, Eigen::Matrix<double, 1, 1>(0.25));
   const Eigen::Vector3d here = Eigen::Vector3d::Zero();
   EXPECT_EQ(e.seenAt({here, here, here, {0.0, 1.0, 0.0}}), 3u);
   EXPECT_EQ(e.map.active().back().id, kFirst + 3);

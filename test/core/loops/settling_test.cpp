@@ -10,7 +10,7 @@ namespace {
 /// Points leave until this many blocks wait.
 void defer(Scene& scene, Random& random, std::size_t blocks) {
   while (scene.filter.inactive().deferredBlocks() < blocks) {
-    scene.filter.deactivate(scene.points.front(), Eigen::Matrix3d::Zero());
+    scene.filter.deactivate(scene.points.front());
     scene.points.erase(scene.points.begin());
     scene.addPoint(random);
   }

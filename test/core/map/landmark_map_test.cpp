@@ -189,7 +189,7 @@ TEST(LandmarkMapTest, IsSavedAndRestoredWithItsJointCovariance) {
   LandmarkMap map(keeping(MapKeep::kGood));
   restore(saved, fresh, map);
   EXPECT_LT(distance(fresh.pose().matrix(), filter.pose().matrix()), 1e-12);
-  EXPECT_LT(distance(motion.twist(fresh), mapped.scene.motion.twist(filter)), 1e-12);
+  EXPECT_LT(distance(motion.twist(fresh, kNoImu, 0), mapped.scene.motion.twist(filter, kNoImu, 0)), 1e-12);
   filter.settle();
   const auto before = mapped.map.estimates(filter, true), after = map.estimates(fresh, true);
   ASSERT_EQ(after.size(), before.size());

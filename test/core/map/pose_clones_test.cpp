@@ -23,7 +23,7 @@ class StraightDrive {
     clones_.add(filter_, 0);
     point_ =
         filter_.augment(Chart::kPoint, Eigen::Vector3d(5.0, 1.0, 0.0), 0.01 * Eigen::Matrix3d::Identity());
-    filter_.deactivate(point_, Eigen::Matrix3d::Zero());
+    filter_.deactivate(point_);
     for (int i = 1; i <= steps; ++i) {
       moves_.emplace_back(Eigen::Vector3d(6.0, 0.0, 0.0) + kStepSigma * random_.vector<3>(-1.7, 1.7));
       CoreStep step;
@@ -171,7 +171,7 @@ TEST(PoseClones, AreMadeWhereTheAttitudeIsLearnt) {
     return clones.estimate(filter, filter.inactive().estimates(true), 9).nodes.size();
   };
   const std::size_t before = count();
-  filter.fixPose(4, std::pow(0.0199, 2)); // by 0.002 rad
+  filter.makeIndependent(4, Eigen::Matrix<double, 1, 1>(std::pow(0.0199, 2))); // by 0.002 rad
   clones.add(filter, 3 * kSecond);
   EXPECT_EQ(count(), before + 1);
   clones.add(filter, 4 * kSecond);

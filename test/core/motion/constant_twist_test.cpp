@@ -9,7 +9,8 @@ namespace {
 
 /// `state` of `scene`'s variables after `dt`: the body moves on, the world does not.
 State moved(const Scene& scene, State state, double dt) {
-  const Vector6d twist = state.x.segment<6>(scene.filter.rowOf(scene.motion.twistVariable()));
+  const Vector6d twist =
+      state.x.segment<6>(scene.filter.rowOf(handleOf(scene.filter, ConstantTwist::kTwist)));
   state.pose = state.pose * SE3::Exp(dt * twist);
   return state;
 }
@@ -27,7 +28,7 @@ TEST(ConstantTwistModel, StartsAtRestWithItsPrior) {
   ConstantTwist motion(noisyMotion());
   motion.addTo(filter);
   filter.closeCore();
-  EXPECT_EQ(motion.twist(filter), Vector6d::Zero());
+  EXPECT_EQ(motion.twist(filter, kNoImu, 0), Vector6d::Zero());
   EXPECT_EQ(motion.bias(filter), Vector6d::Zero());
   Eigen::VectorXd variance(18);
   variance << Vector6d::Constant(0.01), Vector6d::Constant(0.09), Vector6d::Constant(0.0004);
@@ -80,7 +81,8 @@ TEST(ConstantTwistModel, AddsTheSameNoiseInOneStepAsInTen) {
   const Vector6d Q = noisyMotion().twist_density.cwiseAbs2();
   const Vector6d prior = noisyMotion().prior_twist_sigma.cwiseAbs2();
   const Eigen::MatrixXd P = one.covariance();
-  const Eigen::Index t = one.rowOf(motion.twistVariable()), b = one.rowOf(motion.biasVariable());
+  const Eigen::Index t = one.rowOf(handleOf(one, ConstantTwist::kTwist)),
+                     b = one.rowOf(handleOf(one, ConstantTwist::kBias));
   for (int i = 0; i < 6; ++i) {
     EXPECT_NEAR(P(t + i, t + i), prior[i] + Q[i], 1e-13);
     EXPECT_NEAR(P(i, i), 0.01 + prior[i] + Q[i] / 3.0, 1e-13);
@@ -92,7 +94,7 @@ TEST(ConstantTwistModel, AddsTheSameNoiseInOneStepAsInTen) {
 TEST(ConstantTwistModel, NoiseDoesNotDependOnTheStepToFirstOrder) {
   Random random(2);
   const Scene start = busyScene(random), quiet = without(start);
-  const Eigen::Index t = start.filter.rowOf(start.motion.twistVariable());
+  const Eigen::Index t = start.filter.rowOf(handleOf(start.filter, ConstantTwist::kTwist));
   const auto difference = [&](double dt) {
     // The noise alone: what it adds to the propagation without.
     const auto added = [&](int steps) {
@@ -128,7 +130,7 @@ TEST(ConstantTwistModel, TakesASamplesOwnCovarianceOrTheConfiguredOne) {
 TEST(ConstantTwistModel, ASampleMeasuresTheTwistAndItsBias) {
   Random random(11);
   const Scene start = busyScene(random);
-  const Vector6d measured = start.motion.twist(start.filter) + 0.1 * random.vector<6>(-1.0, 1.0);
+  const Vector6d measured = start.motion.twist(start.filter, kNoImu, 0) + 0.1 * random.vector<6>(-1.0, 1.0);
   ImuSample gyro;
   gyro.angular_velocity = measured.tail<3>();
   gyro.covariance = isotropic(1e-5);
@@ -138,7 +140,8 @@ TEST(ConstantTwistModel, ASampleMeasuresTheTwistAndItsBias) {
   Scene scene = start;
   scene.motion.process(scene.filter, gyro);
   scene.filter.correct(scene.motion.measure(scene.filter, velocity));
-  EXPECT_LT(distance(scene.motion.twist(scene.filter) + scene.motion.bias(scene.filter), measured), 1e-4);
+  EXPECT_LT(distance(scene.motion.twist(scene.filter, kNoImu, 0) + scene.motion.bias(scene.filter), measured),
+            1e-4);
   EXPECT_EQ(scene.motion.gyroBias(scene.filter), scene.motion.bias(scene.filter).tail<3>());
   // A bias is told as far as it was unknown beside the twist.
   EXPECT_GT(distance(scene.motion.bias(scene.filter), start.motion.bias(start.filter)), 1e-5);
@@ -148,13 +151,15 @@ TEST(ConstantTwistModel, ResetsToItsPrior) {
   Random random(12);
   for (const bool biases : {false, true}) {
     Scene scene = busyScene(random);
-    const Vector6d twist = scene.motion.twist(scene.filter);
-    const Eigen::MatrixXd bias = scene.filter.covariance(scene.motion.biasVariable());
+    const Vector6d twist = scene.motion.twist(scene.filter, kNoImu, 0);
+    const Eigen::MatrixXd bias = scene.filter.covariance(handleOf(scene.filter, ConstantTwist::kBias));
     scene.motion.reset(scene.filter, biases);
-    EXPECT_EQ(scene.motion.twist(scene.filter), twist);
-    EXPECT_LT(distance(scene.motion.twistCovariance(scene.filter), 0.09 * Matrix6d::Identity()), 1e-15);
+    EXPECT_EQ(scene.motion.twist(scene.filter, kNoImu, 0), twist);
+    EXPECT_LT(distance(scene.motion.twistCovariance(scene.filter, kNoImu), 0.09 * Matrix6d::Identity()),
+              1e-15);
     const Eigen::MatrixXd expected = biases ? Eigen::MatrixXd(0.0004 * Matrix6d::Identity()) : bias;
-    EXPECT_LT(distance(scene.filter.covariance(scene.motion.biasVariable()), expected), 1e-15);
+    EXPECT_LT(distance(scene.filter.covariance(handleOf(scene.filter, ConstantTwist::kBias)), expected),
+              1e-15);
     expectCovariance(scene.filter.covariance());
   }
 }
@@ -167,7 +172,8 @@ TEST(ConstantTwistModel, TakesWhatIsKnownOfTheBiasesAsTheirPriorFromThenOn) {
   scene.motion.setBiasPrior(scene.filter, known);
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(scene.motion.bias(scene.filter), known.mean);
-    EXPECT_LT(distance(scene.filter.covariance(scene.motion.biasVariable()), expected), 1e-15);
+    EXPECT_LT(distance(scene.filter.covariance(handleOf(scene.filter, ConstantTwist::kBias)), expected),
+              1e-15);
     expectCovariance(scene.filter.covariance());
     scene.motion.process(scene.filter, ImuSample{0, Eigen::Vector3d::Ones(), {}});
     EXPECT_NE(scene.motion.bias(scene.filter), known.mean);
@@ -189,10 +195,12 @@ TEST(ConstantTwistModel, TurnsItsOptionsOnceForABodyWithACamerasAxes) {
   motion.addTo(filter);
   filter.closeCore();
   const Vector6d expected = (Vector6d() << 2.0, 3.0, 1.0, 5.0, 6.0, 4.0).finished();
-  EXPECT_EQ(Vector6d(motion.twistCovariance(filter).diagonal().cwiseSqrt()), expected);
-  EXPECT_LT(distance(filter.covariance(motion.biasVariable()).diagonal().cwiseSqrt(), 0.1 * expected), 1e-12);
+  EXPECT_EQ(Vector6d(motion.twistCovariance(filter, kNoImu).diagonal().cwiseSqrt()), expected);
+  EXPECT_LT(distance(filter.covariance(handleOf(filter, ConstantTwist::kBias)).diagonal().cwiseSqrt(),
+                     0.1 * expected),
+            1e-12);
   motion.propagate(filter, 1.0);
-  const Vector6d grown = motion.twistCovariance(filter).diagonal() - Vector6d(expected.cwiseAbs2());
+  const Vector6d grown = motion.twistCovariance(filter, kNoImu).diagonal() - Vector6d(expected.cwiseAbs2());
   EXPECT_LT(distance(grown, 100.0 * expected.cwiseAbs2()), 1e-9);
   // It looks along the world's x axis then, which has a vehicle's axes.
   const Eigen::Matrix3d world_R_body = motion.startPose().rotation();
@@ -204,8 +212,8 @@ TEST(ConstantTwistModel, ChangeOfTheTwistIsInUnitsOfItsCovariance) {
   Random random(13);
   const Scene scene = busyScene(random);
   const Eigen::VectorXd error = randomMatrix(random, scene.filter.coreRows(), 1);
-  const Vector6d change = error.segment<6>(scene.filter.rowOf(scene.motion.twistVariable()));
-  const Eigen::MatrixXd P = scene.motion.twistCovariance(scene.filter);
+  const Vector6d change = error.segment<6>(scene.filter.rowOf(handleOf(scene.filter, ConstantTwist::kTwist)));
+  const Eigen::MatrixXd P = scene.motion.twistCovariance(scene.filter, kNoImu);
   const double expected = change.dot(inverseOf(P) * change);
   EXPECT_NEAR(scene.motion.twistChange(scene.filter, error), expected, 1e-9 * expected);
 }

@@ -27,10 +27,10 @@ ImuTrack steadyImu(const Inertial::Options& options, const Eigen::Vector3d& rate
 InertialScene randomInertial(Random& random, const Inertial::Options& options, bool scale) {
   InertialScene scene(options, SE3(so3::Exp(random.vector<3>(-2.0, 2.0)), random.vector<3>(-20.0, 20.0)),
                       scale);
-  scene.filter.setMean(scene.motion.velocityVariable(), random.vector<3>(-5.0, 5.0));
-  scene.filter.setMean(scene.motion.gyroBiasVariable(), random.vector<3>(-0.1, 0.1));
-  scene.filter.setMean(scene.motion.accelerometerBiasVariable(), random.vector<3>(-0.5, 0.5));
-  if (const auto M = scene.motion.accelerometerScaleVariable())
+  scene.filter.setMean(handleOf(scene.filter, Inertial::kVelocity), random.vector<3>(-5.0, 5.0));
+  scene.filter.setMean(handleOf(scene.filter, Inertial::kGyroBias), random.vector<3>(-0.1, 0.1));
+  scene.filter.setMean(handleOf(scene.filter, Inertial::kAccelerometerBias), random.vector<3>(-0.5, 0.5));
+  if (const auto M = scene.filter.variables().find(Inertial::kAccelerometerScale))
     scene.filter.setMean(*M, random.vector<9>(-0.02, 0.02));
   return scene;
 }

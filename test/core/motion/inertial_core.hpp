@@ -30,7 +30,7 @@ struct InertialScene {
     if (!scale) options.accelerometer_scale_sigma = 0.0;
     return options;
   }
-  Eigen::Vector3d velocity() const { return filter.variables().mean(motion.velocityVariable()); }
+  Eigen::Vector3d velocity() const { return filter.variables().mean(handleOf(filter, Inertial::kVelocity)); }
   /// Moves on in `steps` steps.
   void propagate(const ImuTrack& imu, double from, double to, int steps = 1) {
     for (int i = 0; i < steps; ++i)

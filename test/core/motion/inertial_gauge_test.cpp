@@ -45,7 +45,7 @@ struct SeeingBody {
   }
   /// A tenth of a second of an IMU that is shaken.
   void shake(Random& random, const Inertial::Options& options) {
-    const Eigen::Vector3d bias = scene.filter.variables().mean(scene.motion.gyroBiasVariable());
+    const Eigen::Vector3d bias = scene.filter.variables().mean(handleOf(scene.filter, Inertial::kGyroBias));
     const Eigen::Vector3d up =
         scene.filter.pose().rotation().transpose() * Eigen::Vector3d(0.0, 0.0, kGravity);
     const ImuTrack imu =
@@ -131,7 +131,8 @@ TEST(LevelGauge, IsNeverLearnedWhateverIsMeasured) {
       expectNotLearned("augmentation", frame);
     }
     if (frame == 30) {
-      const Eigen::Vector3d rate = body.scene.filter.variables().mean(body.scene.motion.gyroBiasVariable());
+      const Eigen::Vector3d rate =
+          body.scene.filter.variables().mean(handleOf(body.scene.filter, Inertial::kGyroBias));
       body.scene.motion.processStandstill(body.scene.filter,
                                           steadyImu(noisyImu(), rate, Eigen::Vector3d::Zero(), 1.0),
                                           fromSeconds(0.5), 0.1);
@@ -149,11 +150,12 @@ TEST(InertialStandstillUpdate, TellsOfTheGyrosBiasWhatASampleTells) {
   options.noise.gyro_density = 0.002;
   InertialScene scene(options);
   const double prior = 0.01, sample = 0.002 * 0.002 * 1000.0; // (rad/s)^2, of 1000 Hz
-  scene.filter.reset(scene.motion.gyroBiasVariable(), isotropic(std::sqrt(prior)));
+  const Handle bias = handleOf(scene.filter, Inertial::kGyroBias);
+  scene.filter.makeIndependent(scene.filter.rowOf(bias), isotropic(std::sqrt(prior)));
   ImuTrack imu(options.noise, true);
   for (const double t : {0.0, 0.001}) imu.reach(imuSample(t, none, {0.0, 0.0, kGravity}));
   scene.motion.processStandstill(scene.filter, imu, fromSeconds(0.001), 0.2);
-  const double known = scene.filter.covariance(scene.motion.gyroBiasVariable())(0, 0);
+  const double known = scene.filter.covariance(bias)(0, 0);
   EXPECT_NEAR(known, prior * sample / (prior + sample), 0.02 * known);
 }
 

@@ -40,8 +40,9 @@ TEST(InertialModel, MeanIsExactForASteadyRateAndForce) {
   for (int run = 0; run < 10; ++run) {
     InertialScene scene = randomInertial(random);
     const Eigen::Vector3d w = random.vector<3>(-2.0, 2.0), a = random.vector<3>(-15.0, 15.0);
-    const Eigen::Vector3d bg = scene.filter.variables().mean(scene.motion.gyroBiasVariable()),
-                          ba = scene.filter.variables().mean(scene.motion.accelerometerBiasVariable());
+    const Eigen::Vector3d bg = scene.filter.variables().mean(handleOf(scene.filter, Inertial::kGyroBias)),
+                          ba = scene.filter.variables().mean(
+                              handleOf(scene.filter, Inertial::kAccelerometerBias));
     const Body begin{scene.filter.pose().rotation(), scene.velocity(), scene.filter.pose().translation()};
     const double dt = 0.01 * (run + 1);
     const Body expected = integrate(
@@ -86,7 +87,7 @@ TEST(InertialModel, MeanOfASmoothMotionConvergesWithTheCubeOfTheInterval) {
   Eigen::Vector3d before;
   for (const int rate : {50, 100, 200, 400}) {
     InertialScene scene;
-    scene.filter.setMean(scene.motion.velocityVariable(), Eigen::Vector3d(1.0, 0.0, 0.0));
+    scene.filter.setMean(handleOf(scene.filter, Inertial::kVelocity), Eigen::Vector3d(1.0, 0.0, 0.0));
     ImuTrack imu({}, true);
     imu.reach(imuSample(-1.0 / rate, w(-1.0 / rate), a(-1.0 / rate)));
     imu.reach(imuSample(0.0, w(0.0), a(0.0)));
@@ -145,7 +146,7 @@ TEST(InertialModel, TransitionIsTheDerivativeOfTheMean) {
   for (int run = 0; run < 20; ++run) {
     const InertialScene scene = randomInertial(random);
     ASSERT_EQ(scene.filter.rows(), 15);
-    const Eigen::Index bg = scene.filter.rowOf(scene.motion.gyroBiasVariable());
+    const Eigen::Index bg = scene.filter.rowOf(handleOf(scene.filter, Inertial::kGyroBias));
     const Eigen::Vector3d w = random.vector<3>(-1.5, 1.5), a = random.vector<3>(-15.0, 15.0);
     double left_before = 0.0;
     for (const double dt : {0.04, 0.02, 0.01}) {
@@ -177,22 +178,25 @@ TEST(InertialModel, ScaleAndAlignmentOfTheAccelerometerAreTakenOut) {
     ASSERT_EQ(scene.filter.rows(), 24);
     InertialScene ideal = randomInertial(random);
     ideal.filter.begin(scene.filter.pose());
-    ideal.filter.setMean(ideal.motion.velocityVariable(), scene.velocity());
+    ideal.filter.setMean(handleOf(ideal.filter, Inertial::kVelocity), scene.velocity());
     const auto mean = [](const InertialScene& of, Handle handle) -> Eigen::Vector3d {
       return of.filter.variables().mean(handle);
     };
     const Eigen::Vector3d w = random.vector<3>(-1.5, 1.5), a = random.vector<3>(-15.0, 15.0);
-    const Eigen::VectorXd m = scene.filter.variables().mean(*scene.motion.accelerometerScaleVariable());
+    const Eigen::VectorXd m =
+        scene.filter.variables().mean(*scene.filter.variables().find(Inertial::kAccelerometerScale));
     const Eigen::Vector3d shown =
         (Eigen::Matrix3d::Identity() - Eigen::Map<const Eigen::Matrix3d>(m.data())).inverse() *
-        (a + mean(scene, scene.motion.accelerometerBiasVariable()));
+        (a + mean(scene, handleOf(scene.filter, Inertial::kAccelerometerBias)));
     const double dt = 0.02;
     const auto imuOf = [&](const InertialScene& of, const Eigen::Vector3d& acceleration) {
-      return steadyImu(withoutImuNoise(), w + mean(of, of.motion.gyroBiasVariable()), acceleration, dt);
+      return steadyImu(withoutImuNoise(), w + mean(of, handleOf(of.filter, Inertial::kGyroBias)),
+                       acceleration, dt);
     };
     InertialScene moved = scene;
     moved.propagate(imuOf(scene, shown), 0.0, dt);
-    ideal.propagate(imuOf(ideal, a + mean(ideal, ideal.motion.accelerometerBiasVariable())), 0.0, dt);
+    ideal.propagate(imuOf(ideal, a + mean(ideal, handleOf(ideal.filter, Inertial::kAccelerometerBias))), 0.0,
+                    dt);
     EXPECT_LT(distance(moved.filter.pose().matrix(), ideal.filter.pose().matrix()), 1e-12);
     EXPECT_LT(distance(moved.velocity(), ideal.velocity()), 1e-12);
     const ImuTrack imu = imuOf(scene, shown);

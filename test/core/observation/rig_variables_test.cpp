@@ -23,7 +23,9 @@ Scene unknownScene(Random& random, std::size_t points) {
   return scene;
 }
 
-Vector6d twistOf(const Scene& scene) { return scene.filter.variables().mean(scene.motion.twistVariable()); }
+Vector6d twistOf(const Scene& scene) {
+  return scene.filter.variables().mean(handleOf(scene.filter, ConstantTwist::kTwist));
+}
 
 StereoModel modelOf(const Scene& scene) {
   StereoModel model = scene.model();
@@ -75,7 +77,8 @@ TEST(RigVariablesTest, AreObservedByTheirDerivatives) {
       const auto seen = model.observe(scene.filter, point, {700.0, 200.0, 650.0, 201.0});
       ASSERT_TRUE(seen);
       const Eigen::Vector3d z(700.0, 200.5, 650.0);
-      EXPECT_LT(distance(Eigen::Vector3d(seen->residual()), z - predicted(scene, estimate, point, twist)), 1e-8);
+      EXPECT_LT(distance(Eigen::Vector3d(seen->residual()), z - predicted(scene, estimate, point, twist)),
+                1e-8);
       const Eigen::MatrixXd H = derivative(
           [&](const Eigen::VectorXd& error) -> Eigen::VectorXd {
             return predicted(scene, truthAt(scene.filter.variables(), estimate, 0.1 * error), point, twist);

@@ -19,6 +19,16 @@ using test::numericJacobian;
 using test::Random;
 using test::relativeDistance;
 
+/// U = imu_T_world with the covariance of its error.
+struct InversePose {
+  SE3 imu_T_world;
+  Matrix6d covariance = Matrix6d::Zero();
+};
+
+void predict(const Vector6d& twist, double tau, const Matrix6d& W, InversePose& pose) {
+  paper::predict(twist, tau, W, pose.imu_T_world, pose.covariance);
+}
+
 Vector6d randomTwist(Random& random) { return random.vector<6>(-2.0, 2.0); }
 
 TEST(PaperPrediction, MeanIsTheMatrixExponentialOfEquation9) {

@@ -75,8 +75,8 @@ class Filter {
 
   // 4. Remove.
   void remove(Handle handle);
-  /// Keeps a variable's mean and correlation out of the way; its handle stays. `noise` (k x k) is added.
-  void deactivate(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& noise);
+  /// Keeps a variable's mean and correlation out of the way; its handle stays.
+  void deactivate(Handle handle);
   /// A new inactive variable is the pose of now, with errors (dp, theta) along the world axes: its mean is
   /// the position, and how the pose is turned by later corrections (rad, world).
   Handle clonePose();
@@ -93,14 +93,10 @@ class Filter {
   void beginSettlingInactive() { inactive_.beginSettling(); }
   void endSettlingInactive() { inactive_.endSettling(); }
 
-  /// A core variable's mean is what it is now, and unknown but for `covariance`, as if it were new.
-  void reset(Handle handle, const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
-    makeIndependent(rowOf(handle), covariance);
-  }
-  /// This coordinate of the pose's error is none: the world is where it makes it so. Known to `variance`.
-  void fixPose(Eigen::Index row, double variance) {
-    makeIndependent(row, Eigen::Matrix<double, 1, 1>(variance));
-  }
+  /// The errors of these rows of the core are new ones, of this covariance (k x k) and independent of all
+  /// others: of a variable that is unknown again, or of a coordinate of the pose that says where the world
+  /// is.
+  void makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& covariance);
   /// Another world frame: all is at to_T_world of where it was. Throws std::logic_error where variables are
   /// inactive.
   void moveWorld(const SE3& to_T_world);
@@ -117,11 +113,6 @@ class Filter {
   std::vector<Handle> adopt(const std::vector<Eigen::Vector3d>& points, const Eigen::MatrixXd& covariance,
                             Eigen::MatrixXd cross);
 
-  /// Of all active errors along the world axes: of points x - x^ in the place of y. (rows() square)
-  Eigen::MatrixXd worldCovariance() const;
-  /// Of those with the inactive errors (rows() x N); all is settled.
-  Eigen::MatrixXd worldCross() const;
-
  private:
   Eigen::Ref<Eigen::MatrixXd> P() { return covariance_.topLeftCorner(rows(), rows()); }
   Eigen::MatrixXd poseInfluence(const Eigen::Vector3d& position) const;
@@ -130,9 +121,6 @@ class Filter {
   template <int kRows>
   bool correctCore(const LinearMeasurement& z);
   void endPeriod(const Eigen::MatrixXd& G, Handle by);
-  void transportPose(const Eigen::Vector3d& before);
-  /// Rows from `row` on have this covariance, and none with any other.
-  void makeIndependent(Eigen::Index row, const Eigen::Ref<const Eigen::MatrixXd>& covariance);
   void moveInactive(const std::vector<InactiveStore::Estimate>& before);
   void erase(const Variables::Gone& gone, Eigen::Index rows_before);
   void reserve(Eigen::Index rows);

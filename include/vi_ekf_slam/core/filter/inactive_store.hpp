@@ -124,12 +124,12 @@ class InactiveStore {
   /// As estimates().
   const std::vector<InactiveVariable>& variables() const { return variables_; }
   Eigen::Index rowOf(std::size_t index) const { return settled_->first[index]; }
-  Eigen::Index rows() const { return settled_->left(); }
   /// Of the errors d.
   const SymmetricPanels& covariance() const { return settled_->covariance; }
   /// Of the active errors with d (n x N).
   const Eigen::MatrixXd& cross() const { return cross_.first(); }
 
+  /// Of memory, with what a settling has replaced.
   std::size_t bytes() const;
 
  private:
@@ -171,8 +171,8 @@ class InactiveStore {
 
   std::vector<InactiveVariable> variables_; ///< the settled ones, block by block, those of the open one
   std::shared_ptr<inactive::Settled> settled_ = std::make_shared<inactive::Settled>(); ///< shared by copies
-  inactive::StackedRows cross_;                     ///< of the first block's first errors with the settled
-  Blocks blocks_;                                   ///< closed ones, the first one first
+  inactive::StackedRows cross_; ///< of the first block's first errors with the settled
+  Blocks blocks_;               ///< closed ones, the first one first
   OpenBlock open_;
   Eigen::Index rows_ = 0;       ///< n, of the active errors now
   Eigen::Index began_with_ = 0; ///< n, when the open block began
@@ -180,8 +180,8 @@ class InactiveStore {
   std::unordered_map<Handle, std::uint64_t> serials_;
   std::uint64_t last_serial_ = 0;
   std::shared_future<inactive::Composed> settling_;
-  Begun begun_;                        ///< where that is under way
-  Replaced replaced_;                  ///< by the one before
+  Begun begun_;       ///< where that is under way
+  Replaced replaced_; ///< by the one before
 };
 
 } // namespace vi_ekf_slam

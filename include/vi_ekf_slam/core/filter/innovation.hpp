@@ -1,12 +1,18 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <vector>
 
 #include "vi_ekf_slam/core/filter/linear_measurement.hpp"
 
 namespace vi_ekf_slam {
+
+/// How many are chosen.
+inline std::size_t countTrue(const std::vector<bool>& chosen) {
+  return static_cast<std::size_t>(std::count(chosen.begin(), chosen.end(), true));
+}
 
 /// Measurements that may correct a filter together: P H^T, S = H P H^T + R, and what comes of them. To be
 /// made and used between two changes of the filter.

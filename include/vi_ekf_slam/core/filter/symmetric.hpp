@@ -10,14 +10,4 @@ void mirrorLower(Eigen::Ref<Eigen::MatrixXd> matrix);
 /// P <- P - A A^T for symmetric P, which stays symmetric.
 void subtractSquare(Eigen::Ref<Eigen::MatrixXd> P, const Eigen::Ref<const Eigen::MatrixXd>& A);
 
-/// P <- T P T^T for symmetric P and `transform`, which applies T to the rows of what it is given, or its
-/// transpose to the columns.
-template <class Transform>
-void onBothSides(Eigen::Ref<Eigen::MatrixXd> P, const Transform& transform) {
-  transform(P);
-  P.transposeInPlace();
-  transform(P);
-  mirrorLower(P);
-}
-
 } // namespace vi_ekf_slam

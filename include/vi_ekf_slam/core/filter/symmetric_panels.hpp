@@ -33,16 +33,12 @@ class SymmetricPanels {
   Eigen::MatrixXd block(Eigen::Index row, Eigen::Index column, Eigen::Index rows, Eigen::Index columns) const;
   /// Whole rows (m x rows()).
   Eigen::MatrixXd middleRows(Eigen::Index row, Eigen::Index rows) const;
-  /// All of it.
-  Eigen::MatrixXd dense() const { return middleRows(0, rows_); }
 
   std::size_t bytes() const;
 
  private:
   static constexpr Eigen::Index kPanel = 256; ///< rows
 
-  /// How many rows of a panel are in use.
-  Eigen::Index heightOf(std::size_t panel) const;
   /// In the lower triangle.
   double& at(Eigen::Index row, Eigen::Index column) {
     return panels_[static_cast<std::size_t>(row / kPanel)](row % kPanel, column);

@@ -43,14 +43,10 @@ struct PointChart {
                                                        const Eigen::Vector3d& way, const Eigen::Vector3d& d)>;
   /// By what errors of others (calibration) move a point as it is seen, on this way from the body.
   using Seen = std::function<LinearFunction(const Eigen::Vector3d& way)>;
-  PointChart() = default;
-  template <class F>
-  PointChart(F f, Seen by_others = {}, const Eigen::Vector3d& turn = Eigen::Vector3d::Zero())
-      : move(std::move(f)), seen(std::move(by_others)), seen_turn(turn) {}
   explicit operator bool() const { return static_cast<bool>(move); }
 
-  Move move;
-  Seen seen; ///< none: by nothing
+  Move move{};
+  Seen seen{}; ///< none: by nothing
   /// By which the correction of others alone turns the points about the body as they are seen, rad, world.
   Eigen::Vector3d seen_turn = Eigen::Vector3d::Zero();
 };

@@ -40,7 +40,7 @@ class Recovery {
   /// tellPose.
   bool relocate(Filter& filter, const SE3& pose, const Matrix6d& covariance);
   /// The next frame's travel begins here.
-  void endFrame();
+  void endFrame() { distance_ = angle_ = 0.0; }
 
   /// Remembers the pose if the filter is valid. False if it is not: it must be begun anew at the checkpoint.
   bool check(const Filter& filter, Stamp stamp, bool thoroughly);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -18,19 +17,15 @@ struct Duplicate {
   Handle before; ///< as it was seen before
 };
 
-struct Fusion {
-  std::vector<bool> fused; ///< pair by pair
-  auto count() const { return static_cast<std::size_t>(std::count(fused.begin(), fused.end(), true)); }
-};
-
 /// The measurements of the largest consensus over hypotheses of one: those that agree with it under the
 /// filter's covariance, each by itself. All have three rows.
 std::vector<bool> largestAgreement(const Innovation& in);
 
 /// Tells the filter that points are the same, within `sigma` m, where at least `least` of the pairs agree
 /// with each other under its covariance: largestAgreement of them, and a gate on all of it. Both points of a
-/// pair stay. Nothing changes where too few agree.
-Fusion fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least, double sigma);
+/// pair stay. Nothing changes where too few agree. Which pairs are fused.
+std::vector<bool> fuseDuplicates(Filter& filter, const std::vector<Duplicate>& pairs, std::size_t least,
+                                 double sigma);
 
 /// Of landmarks that are said to be the same: the ids of the one that is active, and of the inactive one.
 using Matches = std::vector<std::pair<FeatureId, FeatureId>>;

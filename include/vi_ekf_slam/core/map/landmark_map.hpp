@@ -66,12 +66,12 @@ class LandmarkMap {
   /// A new active landmark, the last one.
   void add(const Landmark& landmark) { active_.push_back(landmark); }
   /// An active landmark is tracked no more: it goes where the options want it, or is forgotten if suspect.
-  /// The last one takes its place. `noise` (3x3, m^2, world axes) is added to its error.
-  void leave(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
+  /// The last one takes its place.
+  void leave(Filter& filter, std::size_t index);
   /// One that contradicted the static world, or another one's duplicate, is forgotten.
   void discard(Filter& filter, std::size_t index);
   /// Makes inactive, whatever the options say; there is none of its id.
-  void deactivate(Filter& filter, std::size_t index, const Eigen::Matrix3d& noise = Eigen::Matrix3d::Zero());
+  void deactivate(Filter& filter, std::size_t index);
   /// Inactive landmarks are the last active ones, in this order.
   void reactivate(Filter& filter, const std::vector<FeatureId>& ids);
   /// Inactive ones that should come into view within some seconds, in the place of those before.
@@ -92,18 +92,13 @@ class LandmarkMap {
   /// The same, for a filter that is to be given up: all estimates that are valid go to the archive.
   void archiveAll(const Filter& filter);
 
-  /// A landmark out of view, with the filter's estimate: its covariance may be of when it was last settled,
-  /// which is never less.
-  struct OutOfView {
-    const Landmark& landmark;
-    const InactiveStore::Estimate& estimate;
-  };
-  /// Calls visit(OutOfView) for each.
+  /// Calls visit(Landmark, Estimate) for each one out of view. The estimate's covariance may be of when it
+  /// was last settled, which is never less.
   template <class Visit>
   void forEachOutOfView(const Filter& filter, const Visit& visit) const {
     for (const InactiveStore::Estimate& estimate : filter.inactive().estimates(false)) {
       const auto found = inactive_.find(estimate.variable.handle);
-      if (found != inactive_.end()) visit(OutOfView{found->second, estimate});
+      if (found != inactive_.end()) visit(found->second, estimate);
     }
   }
 

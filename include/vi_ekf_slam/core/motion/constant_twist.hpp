@@ -49,27 +49,17 @@ class ConstantTwist : public MotionModel {
     return noiseOf(sample);
   }
   Eigen::Matrix3d noiseOf(const VelocitySample& sample) const override;
-  void processStandstill(Filter& filter, double dt) const;
-  void processStandstill(Filter& filter, const ImuTrack& /*imu*/, Stamp /*now*/, double dt) const override {
-    processStandstill(filter, dt);
-  }
+  void processStandstill(Filter& filter, const ImuTrack& imu, Stamp now, double dt) const override;
   void reset(Filter& filter, bool biases, const TwistNoise& sampled = {}) const override;
-  Vector6d twist(const Filter& filter) const { return filter.variables().mean(twist_); }
   Vector6d twist(const Filter& filter, const ImuTrack& /*imu*/, Stamp /*now*/) const override {
-    return twist(filter);
+    return filter.variables().mean(twist_);
   }
-  Matrix6d twistCovariance(const Filter& filter) const { return filter.covariance(twist_); }
   Matrix6d twistCovariance(const Filter& filter, const ImuTrack& /*imu*/) const override {
-    return twistCovariance(filter);
+    return filter.covariance(twist_);
   }
   Vector6d bias(const Filter& filter) const override { return filter.variables().mean(bias_); }
-  Eigen::Vector3d gyroBias(const Filter& filter) const override;
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
   double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;
-
-  std::optional<Handle> twistAsVariable() const override { return twist_; }
-  Handle twistVariable() const { return twist_; }
-  Handle biasVariable() const { return bias_; }
 
  private:
   void resetBiases(Filter& filter) const;

@@ -14,6 +14,7 @@ class DeadReckoning {
  public:
   void process(const ImuSample& sample);
   void process(const VelocitySample& sample);
+  void process(const StereoFrame& frame) { advanceTo(frame.stamp); }
   /// From now on the body moves like this, (m/s, rad/s) in its axes: an estimate's twist, where samples of
   /// the velocity are not what there is to integrate.
   void setTwist(Stamp stamp, const Vector6d& twist);

@@ -20,14 +20,14 @@ class Inertial : public MotionModel {
  public:
   struct Options {
     ImuNoise noise;
-    bool noise_given = false;              ///< the noise holds in place of what the messages say
-    std::string noise_file;                ///< that gave it, for messages; empty: the configuration
-    double gravity = 9.81;                 ///< m/s^2
-    double gyro_bias_sigma = 0.1;          ///< rad/s, standard deviation beforehand, per axis
-    double accelerometer_bias_sigma = 0.2; ///< m/s^2
+    bool noise_given = false;                ///< the noise holds in place of what the messages say
+    std::string noise_file;                  ///< that gave it, for messages; empty: the configuration
+    double gravity = 9.81;                   ///< m/s^2
+    double gyro_bias_sigma = 0.1;            ///< rad/s, standard deviation beforehand, per axis
+    double accelerometer_bias_sigma = 0.2;   ///< m/s^2
     double accelerometer_scale_sigma = 0.01; ///< 1, of each element of M; 0: there is none. Of datasheets
-    double velocity_sigma = 15.0;          ///< m/s, of an unknown velocity
-    double measured_velocity_sigma = 0.1;  ///< m/s, of a measured one without a covariance
+    double velocity_sigma = 15.0;            ///< m/s, of an unknown velocity
+    double measured_velocity_sigma = 0.1;    ///< m/s, of a measured one without a covariance
   };
 
   explicit Inertial(const Options& options) : options_(options) {}
@@ -41,7 +41,6 @@ class Inertial : public MotionModel {
   void addTo(Filter& filter) override;
   bool begin(Filter& filter, const InitialState& state) const override;
   std::vector<std::string> variables() const override;
-  bool knowsGravity() const override { return true; }
   bool measuresVelocity() const override { return false; }
   void setBiasPrior(Filter& filter, const TwistBias& bias) override;
   void propagate(Filter& filter, const ImuTrack& imu, Stamp from, Stamp to) const override;
@@ -55,15 +54,9 @@ class Inertial : public MotionModel {
   Vector6d twist(const Filter& filter, const ImuTrack& imu, Stamp now) const override;
   Matrix6d twistCovariance(const Filter& filter, const ImuTrack& imu) const override;
   Vector6d bias(const Filter& filter) const override;
-  Eigen::Vector3d gyroBias(const Filter& filter) const override;
   Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const override;
   Eigen::Vector3d accelerometerBias(const Filter& filter) const override;
   double twistChange(const Filter& filter, const Eigen::VectorXd& error) const override;
-
-  Handle velocityVariable() const { return velocity_; }
-  Handle gyroBiasVariable() const { return gyro_bias_; }
-  Handle accelerometerBiasVariable() const { return accelerometer_bias_; }
-  std::optional<Handle> accelerometerScaleVariable() const { return accelerometer_scale_; }
 
  private:
   void resetBiases(Filter& filter) const;

@@ -30,15 +30,13 @@ class MotionModel {
   /// Goes on from this state, before anything is added to the filter's core; false where it has no use for
   /// it.
   virtual bool begin(Filter& /*filter*/, const InitialState& /*state*/) const { return false; }
-  /// Whether the world's z axis points up, so that only where it is and its heading are free.
-  virtual bool knowsGravity() const { return false; }
   /// Whether it needs samples of the velocity to tell that the body stands still.
   virtual bool measuresVelocity() const { return true; }
   /// What is known of the biases beforehand, in place of the configured prior: from now on, what
   /// was learned is forgotten, and after every reset.
   virtual void setBiasPrior(Filter& filter, const TwistBias& bias) = 0;
-  /// Before the variables are added: the body's axes are a camera's (x right, y down, z ahead), not a vehicle's
-  /// (x ahead, y left, z up), in which the options are.
+  /// Before the variables are added: the body's axes are a camera's (x right, y down, z ahead), not a
+  /// vehicle's (x ahead, y left, z up), in which the options are.
   virtual void setOpticalBody() {}
   /// Pose of a body of which nothing is known: the world has a vehicle's axes.
   virtual SE3 startPose() const { return {}; }
@@ -63,7 +61,7 @@ class MotionModel {
   /// Of what the sensors measure of the twist, same order, units and axes.
   virtual Vector6d bias(const Filter& filter) const = 0;
   /// What the gyro reads at rest (rad/s) and its covariance.
-  virtual Eigen::Vector3d gyroBias(const Filter& filter) const = 0;
+  Eigen::Vector3d gyroBias(const Filter& filter) const { return bias(filter).tail<3>(); }
   virtual Eigen::Matrix3d gyroBiasCovariance(const Filter& filter) const = 0;
   /// m/s^2; 0 where there is no accelerometer.
   virtual Eigen::Vector3d accelerometerBias(const Filter& /*filter*/) const {
@@ -72,8 +70,6 @@ class MotionModel {
   /// In units of its covariance, squared (6 degrees of freedom): how far `error` (coreRows()) moves the
   /// twist.
   virtual double twistChange(const Filter& filter, const Eigen::VectorXd& error) const = 0;
-  /// The variable that is the twist, where it is one.
-  virtual std::optional<Handle> twistAsVariable() const { return std::nullopt; }
 };
 
 } // namespace vi_ekf_slam

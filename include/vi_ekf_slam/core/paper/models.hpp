@@ -10,18 +10,14 @@
 /// The paper's models: how the pose moves, what the pair sees, and which landmarks there are.
 namespace vi_ekf_slam::paper {
 
-/// The inverse pose U = imu_T_world with its covariance, as the paper keeps it: U = Exp(delta) U^,
-/// delta = (translation, rotation) along the IMU's axes.
-struct InversePose {
-  SE3 imu_T_world;
-  Matrix6d covariance = Matrix6d::Zero();
-};
-
 /// Transition of the error delta over `tau` s under the twist u: exp(-tau u^curlywedge), 6x6 (eq. 10).
 Matrix6d errorTransition(const Vector6d& twist, double tau);
 
-/// EKF prediction (eq. 11): mean exp(-tau u^) U, covariance F Sigma F^T + W, where W is the 6x6 of this step.
-void predict(const Vector6d& twist, double tau, const Matrix6d& W, InversePose& pose);
+/// EKF prediction (eq. 11) of the inverse pose U = imu_T_world: mean exp(-tau u^) U, covariance
+/// F Sigma F^T + W of delta = (translation, rotation) along the IMU's axes, U = Exp(delta) U^, where W is the
+/// 6x6 of this step.
+void predict(const Vector6d& twist, double tau, const Matrix6d& W, SE3& imu_T_world,
+             Eigen::Ref<Matrix6d> covariance);
 
 /// Whether four numbers can be pixels at all: finite, and none beyond 1e6 px on either side.
 bool isPlausible(const StereoPixels& pixels);

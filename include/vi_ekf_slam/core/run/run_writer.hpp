@@ -74,7 +74,7 @@ class RunWriter {
   bool hasFrames() const { return runs_.back().has_frames; }
   std::size_t size() const { return runs_.back().records.size(); }
   /// s of sensor time from the first to the last record.
-  double sensorSeconds() const;
+  double sensorSeconds() const { return runs_.back().records.seconds(); }
   /// Stamps of the first and the last record, s.
   Eigen::Vector2d recording() const { return runs_.back().records.firstAndLast(); }
   /// What calibration/file of a configuration takes: `estimate`, of this recording.

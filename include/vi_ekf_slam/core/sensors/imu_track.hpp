@@ -50,8 +50,6 @@ class ImuTrack {
   /// 3x3 of the white noise of one sample of the gyro, (rad/s)^2; of the last one.
   Eigen::Matrix3d gyroNoise(const ImuSample& sample) const;
   Eigen::Matrix3d gyroNoise() const { return gyroNoise(last_.value_or(ImuSample())); }
-  /// s between samples.
-  double period() const { return period_; }
 
  private:
   struct Reading {
@@ -66,10 +64,10 @@ class ImuTrack {
   bool noise_given_;
   std::optional<ImuSample> before_, last_, next_;
   std::optional<Stamp> accelerated_; ///< of the last sample that had an acceleration
-  double period_ = 0.0;
-  std::deque<Reading> recent_; ///< the last samples, regularly spaced
-  Reading shaking_;            ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second
-  double weight_ = 0.0;        ///< of how many samples
+  double period_ = 0.01;             ///< s between samples; as is usual, before two have told
+  std::deque<Reading> recent_;       ///< the last samples, regularly spaced
+  Reading shaking_;                  ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second
+  double weight_ = 0.0;              ///< of how many samples
 };
 
 } // namespace vi_ekf_slam

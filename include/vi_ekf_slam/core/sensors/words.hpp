@@ -5,10 +5,10 @@
 
 namespace vi_ekf_slam {
 
-/// Three digits of it, for a sentence.
-inline std::string rounded(double value) {
+/// Three digits of it, for a sentence, or so many.
+inline std::string rounded(double value, int digits = 3) {
   std::ostringstream stream;
-  stream.precision(3);
+  stream.precision(digits);
   stream << value;
   return stream.str();
 }

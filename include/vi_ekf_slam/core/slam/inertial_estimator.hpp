@@ -55,7 +55,7 @@ class InertialEstimator : public Estimator {
   void relocaliseIn(std::shared_ptr<const SavedMap> map) override;
   void resumeFrom(std::shared_ptr<const SavedMap> map, const std::string& source, double max_gap_s) override;
   MapUse mapUse() const override {
-    return filter_ ? filter_->mapUse() : map_ || resuming_ ? MapUse::kWaiting : MapUse::kNone;
+    return filter_ ? filter_->mapUse() : map_ ? MapUse::kWaiting : MapUse::kNone;
   }
 
  private:
@@ -69,14 +69,13 @@ class InertialEstimator : public Estimator {
   bool learnClock(const InvariantEstimator& filter);
 
   InvariantConfig config_;
-  std::shared_ptr<const SavedMap> map_; ///< to find the place in
+  std::shared_ptr<const SavedMap> map_; ///< to find the place in, or to go on from
   std::unique_ptr<InvariantEstimator> filter_;
   std::unique_ptr<InertialAlignment> alignment_; ///< until there is a filter, and while it is verified
   int divergences_ = 0;                          ///< since it is
   Stamp suspect_at_ = 0;                         ///< when it last diverged or contradicted the pictures
   // Until there is a filter.
-  std::unique_ptr<InvariantEstimator> resuming_; ///< from resume_map_
-  std::shared_ptr<const SavedMap> resume_map_;
+  std::unique_ptr<InvariantEstimator> resuming_; ///< from map_
   std::optional<InitialState> given_;
   Forecast forecast_;   ///< of where it begins
   std::string refusal_; ///< of the given state

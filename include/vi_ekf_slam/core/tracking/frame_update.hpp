@@ -51,7 +51,7 @@ class FrameUpdate {
     /// RMS residual of the four coordinates up to which a feature agrees, in sigmas of its pixels.
     double consensus_sigmas = 1.2;
     double gate = kChiSquare3; ///< for a single feature's three rows
-    double frame_gate = 5.0; ///< NIS per degree of freedom beyond which a whole frame is impossible
+    double frame_gate = 5.0;   ///< NIS per degree of freedom beyond which a whole frame is impossible
     /// Chi-square limit with 3 degrees of freedom for a feature to take part in the consensus at all: wide,
     /// since the consensus chooses.
     double plausible_gate = 30.0;
@@ -63,7 +63,6 @@ class FrameUpdate {
   FrameUpdate(const Options& options, const StereoModel& model, const MotionModel& motion)
       : options_(options), model_(model), motion_(motion) {}
   const StereoModel& model() const { return model_; }
-  const MotionModel& motion() const { return motion_; }
 
   /// `filter` is settled.
   FrameOutcome apply(Filter& filter, std::vector<LinearMeasurement> measurements) const;

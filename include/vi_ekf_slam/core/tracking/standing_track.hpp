@@ -1,7 +1,5 @@
 #pragma once
 
-#include <unordered_map>
-
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
 #include "vi_ekf_slam/core/types.hpp"
@@ -26,7 +24,5 @@ class StandingTrack {
   Eigen::Matrix3d noise_;           ///< m^2, world axes
   Matrix6d pose_covariance_;        ///< of the body then
 };
-
-using StandingTracks = std::unordered_map<FeatureId, StandingTrack>;
 
 } // namespace vi_ekf_slam

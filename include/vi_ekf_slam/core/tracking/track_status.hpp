@@ -47,8 +47,9 @@ class TrackStatus {
   /// In view, and where they have stood since they contradicted the static world.
   std::unordered_map<FeatureId, std::optional<StandingTrack>> rejected_;
   std::unordered_set<FeatureId> suspects_; ///< in view, that once did
-  StandingTracks skipped_;                 ///< of the frames that were skipped since the last used one
-  std::optional<Stamp> last_used_;         ///< frame that corrected the local map, or began it
+  /// Of the frames that were skipped since the last used one.
+  std::unordered_map<FeatureId, StandingTrack> skipped_;
+  std::optional<Stamp> last_used_; ///< frame that corrected the local map, or began it
 };
 
 } // namespace vi_ekf_slam
