@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <opencv2/calib3d.hpp>
 #include <stdexcept>
 #include <string>
@@ -29,7 +30,7 @@ bool isClose(const cv::Matx33d& a, const cv::Matx33d& b, double tolerance) {
 }
 
 /// Radius in the raw image, over the focal length, of what is seen at this tangent of the angle from the
-/// axis.
+/// axis. Without the decentring, the thin prism and the sensor's tilt, which only shift it.
 double bentRadius(const std::vector<double>& D, double tangent) {
   const auto d = [&D](std::size_t i) { return i < D.size() ? D[i] : 0.0; };
   const double t = tangent * tangent;
@@ -68,10 +69,13 @@ CameraModel::CameraModel(const Parameters& parameters) : parameters_(parameters)
   if (!(p.K(0, 0) > 0.0 && p.K(1, 1) > 0.0)) fail("focal lengths in K must be positive");
   if (!isClose(p.R * p.R.t(), cv::Matx33d::eye(), 1e-3) || cv::determinant(p.R) < 0.0)
     fail("R is not a rotation (R R^T = I within 1e-3, det R = 1)");
+  static constexpr std::size_t kOfPolynomials[] = {0, 4, 5, 8, 12, 14}; // what OpenCV takes
   const std::size_t n = p.D.size();
-  if (p.distortion == Distortion::kEquidistant ? n != 4 : n != 0 && n != 4 && n != 5 && n != 8)
+  if (p.distortion == Distortion::kEquidistant
+          ? n != 4
+          : std::count(std::begin(kOfPolynomials), std::end(kOfPolynomials), n) == 0)
     fail("D has " + std::to_string(n) +
-         " coefficients, allowed: 4 (equidistant), 0, 4 or 5 (plumb_bob), 8 (rational_polynomial)");
+         " coefficients, allowed: 4 (equidistant), 0, 4 or 5 (plumb_bob), 8, 12 or 14 (rational_polynomial)");
   setFieldOfView();
 }
 
@@ -180,7 +184,8 @@ bool CameraModel::shows(const cv::Point2d& rectified) const {
 bool isRectified(const CameraModel::Parameters& p) {
   const bool undistorted = std::all_of(p.D.begin(), p.D.end(), [](double d) { return d == 0.0; }) &&
                            p.distortion == CameraModel::Distortion::kPolynomial;
-  return undistorted && isClose(p.R, cv::Matx33d::eye(), 1e-9) && isClose(p.K, p.P, 1e-3);
+  const bool same_lens = isClose(p.K, p.P, 1e-3) || isClose(p.K, cv::Matx33d::zeros(), 0.0); // not stated
+  return undistorted && isClose(p.R, cv::Matx33d::eye(), 1e-9) && same_lens;
 }
 
 } // namespace vi_ekf_slam

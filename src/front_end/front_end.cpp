@@ -23,6 +23,7 @@ constexpr double kDescribed = 0.2;
 constexpr std::size_t kFewestToJudge = 10; // points whose matches, or lack of them, say something of a pair
 constexpr std::size_t kOfWhichMatch = 10;  // of so many points one matches at least in a pair that is one
 constexpr std::size_t kLittleTexture = 10; // tracks
+constexpr std::size_t kFewestForRows = 50; // points that tell whether rows agree
 // rad/s that a gyro may show at rest, three of the sigmas that the filter takes its bias to have: a camera
 // that is simulated without noise repeats its picture rightly then.
 constexpr double kMostGyroBias = 0.3;
@@ -242,9 +243,9 @@ void FrontEnd::learnMotion(const MotionPredictor::Prediction& prediction, Stamp 
   }
   const SE3& guess = prediction.now_T_before;
   const double seconds = secondsSinceLast(stamp);
-  const auto motion = prediction.rotation_known
-                          ? estimateMotion(camera, displacements, guess, motion_.withoutBias(guess, seconds))
-                          : estimateMotion(camera, displacements, guess);
+  std::optional<SE3> told;
+  if (prediction.rotation_known) told = motion_.withoutBias(guess, seconds);
+  const auto motion = estimateMotion(camera, displacements, guess, told);
   motion_.learn(motion, prediction, seconds);
   if (!motion) {
     // What flow alone supports has nothing then that tells it from what is not the same point.
@@ -288,9 +289,12 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
   for (const Track& track : tracks_)
     queries.push_back({track.left, track.left_rectified, track.magnification, track.disparity});
   const auto matches = matcher_.match(left, right, queries);
+  RowCount rows;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     Track& track = tracks_[i];
     track.matched = matches[i].found;
+    rows.seen += matches[i].found || matches[i].off_row ? 1 : 0;
+    rows.off += matches[i].off_row ? 1 : 0;
     track.unmatched = track.matched ? 0 : track.unmatched + 1;
     if (!track.matched) continue;
     ++report_.matched;
@@ -309,6 +313,10 @@ void FrontEnd::matchTracks(const Picture& left, const Picture& right) {
     exchanged_ = !fits && (exchanged_ || matcher_.lookExchanged(left, right, queries));
   }
   report_.exchanged = exchanged_;
+  const bool all_are_new =
+      std::all_of(tracks_.begin(), tracks_.end(), [](const Track& track) { return track.id == 0; });
+  if (all_are_new && rows.seen >= kFewestForRows) rows_ = rows;
+  report_.rows = rows_;
   report_.without_matches =
       queries.size() >= kFewestToJudge && kOfWhichMatch * report_.matched < queries.size();
   // A new one without a match has no depth, and may be seen by the left camera alone.

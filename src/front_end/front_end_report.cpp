@@ -6,6 +6,13 @@
 namespace vi_ekf_slam {
 namespace {
 
+// Of drawn pictures 1 % are off at most, of recorded ones 14 %; of lenses that camera_info leaves out 53 %
+// and more.
+constexpr std::size_t kOfWhichOff = 4; // of so many points
+constexpr const char* kOtherRows =
+    "more than a quarter of the first points lie in different rows of left and right: "
+    "camera_info (D, K, R, P) is not that of these pictures, or they are not of one moment";
+
 bool isRepeated(const FrontEndReport& report) { return report.left_repeated || report.right_repeated; }
 
 bool isDark(const FrontEndReport& report) { return report.brightness < kDark; }
@@ -13,6 +20,7 @@ bool isDark(const FrontEndReport& report) { return report.brightness < kDark; }
 /// Why there is hardly any point, or none that both pictures show. (In the dark corners are of noise.)
 std::string scarcityOf(const FrontEndReport& report) {
   const std::string dark = isDark(report) ? "dark, " : "";
+  if (report.without_matches && rowsDiffer(report)) return kOtherRows;
   if (report.without_matches)
     return "hardly any point is found in the right picture: " + dark +
            "not of one moment, another calibration, or left and right exchanged";
@@ -57,9 +65,12 @@ std::string problemOf(const FrontEndReport& report) {
     problem =
         "more than 0.5 s after the pair before: all tracks begin anew, as with images at 2 Hz and slower";
   }
+  if (rowsDiffer(report) && !report.exchanged && !report.without_matches) addProblem(problem, kOtherRows);
   addProblem(problem, fault);
   return problem;
 }
+
+bool rowsDiffer(const FrontEndReport& report) { return kOfWhichOff * report.rows.off > report.rows.seen; }
 
 bool wasUsed(const FrontEndReport& report) {
   return !(report.stamp_refused || isUseless(report.left) || isUseless(report.right) ||

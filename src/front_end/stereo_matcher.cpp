@@ -107,9 +107,11 @@ std::vector<StereoMatch> StereoMatcher::match(const Picture& left, const Picture
       match.right_rectified = rectified[k];
       const double disparity = at.x - rectified[k].x;
       const double wide = queries[of[k]].magnification;
-      match.found = flow.found[k] && std::abs(at.y - rectified[k].y) <= kMaxRowError * wide &&
-                    disparity >= kMinDisparity * wide && disparity <= (max_disparity_ + kScale) * wide &&
-                    calibration_.right.shows(rectified[k]);
+      const bool is_seen = flow.found[k] && disparity >= kMinDisparity * wide &&
+                           disparity <= (max_disparity_ + kScale) * wide &&
+                           calibration_.right.shows(rectified[k]);
+      match.off_row = is_seen && std::abs(at.y - rectified[k].y) > kMaxRowError * wide;
+      match.found = is_seen && !match.off_row;
     }
   }
   return matches;

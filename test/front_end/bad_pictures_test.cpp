@@ -69,6 +69,24 @@ TEST_F(BadPictures, a_sky_that_is_saturated_is_a_part_that_is_missing) {
   }
 }
 
+TEST(Rows, that_differ_tell_of_another_calibration) {
+  const SlantedPlane wall(distortedCalibration(CameraModel::Distortion::kPolynomial));
+  auto shifted = wall.calibration().right.parameters();
+  shifted.K(1, 2) += 2.0;
+  FrontEnd right(wall.calibration(), {2 * kCount});
+  FrontEnd wrong({wall.calibration().left, CameraModel(shifted), wall.calibration().camera}, {2 * kCount});
+  for (int k = 0; k < 5; ++k) {
+    const StereoImages images =
+        wall.look({Eigen::Matrix3d::Identity(), {0.01 * k, 0.0, 0.0}}, 50'000'000LL * (k + 100));
+    right.process(images);
+    EXPECT_EQ("", problemOf(right.report()));
+    wrong.process(images);
+    EXPECT_NE(std::string::npos,
+              problemOf(wrong.report()).find("more than a quarter of the first points lie in different rows"))
+        << problemOf(wrong.report());
+  }
+}
+
 TEST_F(BadPictures, covered) {
   expectSurvived([](StereoImages& i) { i.right.setTo(120); }, "right picture: of one brightness");
 }

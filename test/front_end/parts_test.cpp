@@ -37,6 +37,48 @@ TEST(CameraModel, unrectify_undoes_rectify_for_every_distortion) {
   expectRoundTrip(testCalibration().left, 1e-6);
 }
 
+/// Where OpenCV's documentation of calib3d says that a direction (x y 1) is seen, with all 14 coefficients.
+cv::Point2d seenAt(const CameraModel::Parameters& p, double x, double y) {
+  const auto& D = p.D;
+  const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r4 * r2;
+  const double radial = (1.0 + D[0] * r2 + D[1] * r4 + D[4] * r6) / (1.0 + D[5] * r2 + D[6] * r4 + D[7] * r6);
+  const double u = x * radial + 2.0 * D[2] * x * y + D[3] * (r2 + 2.0 * x * x) + D[8] * r2 + D[9] * r4;
+  const double v = y * radial + D[2] * (r2 + 2.0 * y * y) + 2.0 * D[3] * x * y + D[10] * r2 + D[11] * r4;
+  const double cx = std::cos(D[12]), sx = std::sin(D[12]), cy = std::cos(D[13]), sy = std::sin(D[13]);
+  const cv::Matx33d about_x(1, 0, 0, 0, cx, sx, 0, -sx, cx), about_y(cy, 0, -sy, 0, 1, 0, sy, 0, cy);
+  const cv::Matx33d turned = about_y * about_x;
+  const cv::Matx33d onto_sensor(turned(2, 2), 0, -turned(0, 2), 0, turned(2, 2), -turned(1, 2), 0, 0, 1);
+  const cv::Vec3d pixel = p.K * onto_sensor * turned * cv::Vec3d(u, v, 1.0);
+  return {pixel[0] / pixel[2], pixel[1] / pixel[2]};
+}
+
+// As OAK cameras state them, most of them with a surplus of zeros.
+TEST(CameraModel, rectifies_with_twelve_and_fourteen_coefficients) {
+  for (const bool tilted : {false, true}) {
+    auto p = rational();
+    p.D.insert(p.D.end(), {0.004, -0.002, -0.003, 0.001});
+    if (tilted) p.D.insert(p.D.end(), {0.02, -0.03});
+    p.R = distortedCalibration(Distortion::kPolynomial).right.parameters().R;
+    const CameraModel model(p);
+    p.D.resize(14, 0.0);
+    for (double x = -0.5; x <= 0.5; x += 0.125) {
+      for (double y = -0.4; y <= 0.4; y += 0.1) {
+        const cv::Vec3d expected = p.P * p.R * cv::Vec3d(x, y, 1.0);
+        const cv::Point2d pixel(expected[0] / expected[2], expected[1] / expected[2]);
+        const cv::Point2d raw = seenAt(p, x, y);
+        EXPECT_LT(cv::norm(model.rectify({cv::Point2f(raw)}).front() - pixel), 1e-3) << x << ' ' << y;
+        EXPECT_LT(cv::norm(cv::Point2d(model.unrectify({pixel}).front()) - raw), 1e-3) << x << ' ' << y;
+      }
+    }
+  }
+  auto p = rational();
+  const CameraModel eight(p);
+  p.D.resize(14, 0.0);
+  EXPECT_LT(
+      cv::norm(CameraModel(p).rectify({{20.0f, 30.0f}}).front() - eight.rectify({{20.0f, 30.0f}}).front()),
+      1e-9);
+}
+
 TEST(CameraModel, points_that_the_lens_does_not_show_come_out_far_outside) {
   for (const auto distortion : {Distortion::kPolynomial, Distortion::kEquidistant}) {
     const CameraModel model = distortedCalibration(distortion).left;
@@ -125,7 +167,9 @@ TEST(CameraModel, names_what_it_cannot_use) {
   };
   auto p = rational();
   p.D.resize(6);
-  EXPECT_NE(std::string::npos, problem(p).find("D has 6 coefficients, allowed: 4 (equidistant), 0, 4 or 5"));
+  EXPECT_NE(std::string::npos,
+            problem(p).find("D has 6 coefficients, allowed: 4 (equidistant), 0, 4 or 5 (plumb_bob), "
+                            "8, 12 or 14 (rational_polynomial)"));
   p = rational();
   p.R(0, 0) = 2.0;
   EXPECT_NE(std::string::npos, problem(p).find("R is not a rotation"));

@@ -52,8 +52,15 @@ TEST_F(Calibration, knows_each_distortion_by_its_name) {
   left_.D = right_.D = {0.01, 0.0, 0.0, 0.0};
   ASSERT_TRUE(make()) << problem_;
   EXPECT_EQ(CameraModel::Distortion::kEquidistant, make()->left.parameters().distortion);
+  left_.D.push_back(0.0); // as drivers of fisheyes fill it up
+  ASSERT_TRUE(make()) << problem_;
+  EXPECT_EQ(4u, make()->left.parameters().D.size());
+  left_.D.back() = 0.1;
+  EXPECT_FALSE(make());
   left_.distortion_model = right_.distortion_model = "rational_polynomial";
   left_.D = right_.D = {0.1, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0};
+  EXPECT_TRUE(make()) << problem_;
+  left_.D.resize(14, 0.0);
   EXPECT_TRUE(make()) << problem_;
   right_.distortion_model = "thin_prism";
   EXPECT_FALSE(make());
@@ -62,6 +69,19 @@ TEST_F(Calibration, knows_each_distortion_by_its_name) {
       "equidistant",
       problem_);
   EXPECT_TRUE(make(ImageKind::kRectified)) << problem_;
+}
+
+TEST_F(Calibration, takes_what_is_not_stated_as_nothing_to_rectify) {
+  left_.distortion_model.clear();
+  left_.K.fill(0.0);
+  ASSERT_TRUE(make()) << problem_;
+  EXPECT_TRUE(make()->left.imagesAreRectified());
+  left_.D[0] = -0.2;
+  EXPECT_FALSE(make());
+  EXPECT_NE(std::string::npos, problem_.find("left/camera_info: distortion_model is '', allowed: "));
+  left_.distortion_model = "plumb_bob";
+  EXPECT_FALSE(make());
+  EXPECT_EQ("left/camera_info: focal lengths in K must be positive", problem_);
 }
 
 TEST_F(Calibration, names_a_size_that_nobody_gave) {

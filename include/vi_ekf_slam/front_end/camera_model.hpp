@@ -15,7 +15,7 @@ class CameraModel {
   struct Parameters {
     cv::Size size; ///< px
     Distortion distortion = Distortion::kPolynomial;
-    std::vector<double> D;              ///< 0, 4, 5 or 8 (plumb_bob, rational_polynomial), or 4 (equidistant)
+    std::vector<double> D;              ///< 0, 4, 5, 8, 12 or 14 of polynomials, as OpenCV; 4 of equidistant
     cv::Matx33d K = cv::Matx33d::eye(); ///< px, of the raw image
     cv::Matx33d R = cv::Matx33d::eye(); ///< rectified_R_raw
     cv::Matx33d P = cv::Matx33d::eye(); ///< px, of the rectified image

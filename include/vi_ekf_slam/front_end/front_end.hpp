@@ -22,6 +22,12 @@ struct StereoImages {
   cv::Mat left, right;
 };
 
+/// Points that both pictures of a pair show.
+struct RowCount {
+  std::size_t seen = 0;
+  std::size_t off = 0; ///< too far off their row for a match
+};
+
 /// What the front end did with one pair.
 struct FrontEndReport {
   PictureFault left = PictureFault::kNone, right = PictureFault::kNone;
@@ -44,12 +50,16 @@ struct FrontEndReport {
   std::size_t matched = 0;      ///< of all tracks, found in the right picture: the features that go out
   double mean_life_s = 0.0;     ///< s, of the tracks that are alive
   double brightness = 0.0;      ///< mean of the left picture, 0 to 255
-  std::string failure;          ///< what OpenCV failed at: the pair is of no use, and all tracks ended
+  RowCount rows; ///< of the last pair at which all tracks began: later only those that match are followed
+  std::string failure; ///< what OpenCV failed at: the pair is of no use, and all tracks ended
 };
 
 /// What is wrong with the pair, in words; empty: nothing.
 std::string problemOf(const FrontEndReport& report);
-/// Whether it was used as any other: what is wrong with it, if anything, is a part that is missing.
+/// Whether so many points are off their row that camera_info cannot be that of these pictures.
+bool rowsDiffer(const FrontEndReport& report);
+/// Whether it was used as any other: what is wrong with it, if anything, is a part that is missing, or its
+/// calibration.
 bool wasUsed(const FrontEndReport& report);
 
 struct FrontEndOptions {
@@ -112,6 +122,7 @@ class FrontEnd {
   Stamp shown_since_ = 0;            ///< of the first pair that showed them
   bool has_stopped_ = false;         ///< one of the cameras or both
   bool exchanged_ = false;
+  RowCount rows_;
   /// Counts up from the first pair's stamp in us, so that a map of an earlier start has other ids.
   FeatureId next_id_ = 0;
   std::vector<Track> tracks_;

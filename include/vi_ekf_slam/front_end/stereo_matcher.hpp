@@ -20,6 +20,7 @@ struct StereoMatch {
   cv::Point2f right;           ///< px in the image that came
   cv::Point2d right_rectified; ///< px
   bool found = false;
+  bool off_row = false; ///< it would be found, were it in its row
 };
 
 /// Finds the points of the left picture in the right one. What has no disparity yet is looked for along the

@@ -36,7 +36,8 @@ void FrontEndDiagnostics::images(Status& status) {
   } else if (const std::string& fault = intake_.lastProblem(); !intake_.lastWasUsed()) {
     status.summary(DiagnosticStatus::WARN, fault);
   } else if (!fault.empty()) {
-    status.summary(DiagnosticStatus::OK, "used, " + fault);
+    status.summary(rowsDiffer(intake_.frontEnd()->report()) ? DiagnosticStatus::WARN : DiagnosticStatus::OK,
+                   "used, " + fault);
   } else {
     status.summary(DiagnosticStatus::OK, "good");
   }

@@ -123,6 +123,9 @@ void FrontEndNode::report() {
   last_warning_ = WorkQueue::Clock::now();
   if (const std::string problem = intake_.problem(); !problem.empty())
     ROS_WARN_STREAM("images are not used: " << problem);
+  for (const auto& [reason, count] : intake_.flawed()) {
+    if (warned_of_.insert(reason).second) ROS_WARN_STREAM(reason);
+  }
   const auto turned_away = intake_.turnedAway();
   if (turned_away == warned_) return;
   warned_ = turned_away;

@@ -15,9 +15,11 @@ CameraModel cameraModel(const sensor_msgs::CameraInfo& info, ImageKind images) {
   p.P = cv::Matx34d(info.P.data()).get_minor<3, 3>(0, 0);
   p.R = cv::Matx33d(rectification(info).data()).t(); // Eigen's are column by column
   const std::string& model = info.distortion_model;
+  const bool is_without = std::all_of(p.D.begin(), p.D.end(), [](double d) { return d == 0.0; });
   if (model == "equidistant" || model == "fisheye") {
     p.distortion = CameraModel::Distortion::kEquidistant;
-  } else if (model != "plumb_bob" && model != "rational_polynomial" && !(model.empty() && p.D.empty()) &&
+    while (p.D.size() > 4 && p.D.back() == 0.0) p.D.pop_back(); // as a RealSense T265 has it
+  } else if (model != "plumb_bob" && model != "rational_polynomial" && !(model.empty() && is_without) &&
              images != ImageKind::kRectified) {
     throw std::invalid_argument("distortion_model is '" + model +
                                 "', allowed: plumb_bob, rational_polynomial, equidistant");

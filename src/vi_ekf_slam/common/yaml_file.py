@@ -17,9 +17,10 @@ def read_text(path, encoding="utf-8"):
 def read_yaml(path):
     """What a YAML file holds, whatever that is; InputError as of read_text.
 
-    The first line `%YAML:1.0`, which OpenCV asks for, is no YAML and is passed over.
+    The first line `%YAML:1.0`, which OpenCV asks for, is no YAML and is passed over; so is a last `---`, as `rostopic echo` has it.
     """
     text = read_text(path)
+    text = text[:text.rindex("---")] if text.rstrip().endswith("\n---") else text
     try:
         return yaml.safe_load("#" + text if text.startswith("%YAML:") else text)
     except yaml.YAMLError as reason:

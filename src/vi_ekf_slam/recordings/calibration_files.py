@@ -35,7 +35,8 @@ def camchain(path, imu_T_left=None):
     for name in ("cam0", "cam1"):
         camera, where = values.get(name), "%s: %s" % (path, name)
         if not isinstance(camera, dict):
-            raise InputError("%s is missing" % where)
+            raise InputError("%s is missing, allowed: Kalibr's camchain with cam0 and cam1 (of KITTI the folder, of ROS's "
+                             "camera_calibration two files)" % where)
         if "T_cam_imu" in camera:
             imu_T_cam = inverse(transform(camera["T_cam_imu"], where + ": T_cam_imu"))
         elif "T_imu_cam" in camera:
@@ -80,7 +81,11 @@ def contradictions(path, left, right):
 
 def _camera(values, path, distortion_key, imu_T_cam):
     if values.get("camera_model", "pinhole") != "pinhole":
-        raise InputError("%s: camera_model is '%s', allowed: pinhole" % (path, values["camera_model"]))
+        raise InputError("%s: camera_model is '%s', allowed: pinhole (Kalibr's pinhole-radtan; pinhole-equi for a wide lens)"
+                         % (path, values["camera_model"]))
+    if "distortion_model" not in values and values.get(distortion_key):
+        raise InputError("%s: distortion_model is missing, of which %s are, allowed: %s"
+                         % (path, distortion_key, ", ".join(sorted(MODELS))))
     model = str(values.get("distortion_model", "none"))
     if model not in MODELS:
         raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(MODELS))))
@@ -88,6 +93,8 @@ def _camera(values, path, distortion_key, imu_T_cam):
     intrinsics = np.array([[fu, 0.0, cu], [0.0, fv, cv], [0.0, 0.0, 1.0]])
     checks.require_intrinsics(intrinsics, path + ": intrinsics")
     width, height = numbers(values.get("resolution"), (2,), path + ": resolution")
+    if min(width, height) < 1.0:
+        raise InputError("%s: resolution is %g x %g px, allowed: from 1 px on" % (path, width, height))
     distortion = np.zeros(4)
     if model != "none":
         distortion = numbers(values.get(distortion_key), (None,), path + ": " + distortion_key)

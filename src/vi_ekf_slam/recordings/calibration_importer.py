@@ -24,8 +24,8 @@ def make_parser():
         prog="import_calibration.py",
         description="Read the calibration of a rig and write a launch file that publishes it (camera_info of both cameras, "
                     "/tf_static, the IMU's noise and clock offset), or a bag that holds it. Without --output it is only "
-                    "shown. FILE is Kalibr's camchain-imucam.yaml, or OpenVINS'; two files of ROS's camera_calibration or of EuRoC's "
-                    "sensor.yaml, left and right; or a folder of EuRoC, TUM-VI (mav0) or KITTI (calib_*.txt).",
+                    "shown. FILE is Kalibr's camchain-imucam.yaml, or OpenVINS'; two files of ROS's camera_calibration, of EuRoC's "
+                    "sensor.yaml or of `rostopic echo -n1 CAMERA_INFO`, left and right; or a folder of EuRoC, TUM-VI (mav0) or KITTI (calib_*.txt).",
         epilog="a_T_b takes points of b to a: imu_T_left holds the left camera's axes and position in the IMU's axes.")
     parser.add_argument("files", metavar="FILE", nargs="+")
     parser.add_argument("--imu", metavar="YAML", help="the IMU's noise: Kalibr's imu.yaml, or imu0/sensor.yaml")

@@ -55,9 +55,18 @@ def rectify(left, right, source):
                  for camera, R, P in ((left, left_R, left_P), (right, right_R, right_P)))
 
 
+def side_by_side(left, right):
+    """(left, right) Camera of a pair that is rectified, turned by 90 deg where the right one is above or below the left one."""
+    matrices = [camera.projection[:, :3] for camera in (left, right)]
+    shifts = [np.linalg.solve(K, camera.projection[:, 3]) for K, camera in zip(matrices, (left, right))]
+    turn, _, turned = _side_by_side(-shifts[1], left.size, matrices)
+    return tuple(camera._replace(rectification=turn @ camera.rectification, projection=np.column_stack([K, K @ turn @ shift]))
+                 for camera, K, shift in zip((left, right), turned, shifts))
+
+
 def _side_by_side(right_position, size, intrinsics):
     """(turn (3, 3), size, intrinsics): from the cameras' axes to those in which the right one is not above or below, and pictures there."""
-    x, y = right_position[:2]
+    x, y, _ = right_position
     if abs(y) <= abs(x):
         return np.eye(3), tuple(size), intrinsics
     turn = np.sign(y) * np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, np.sign(y)]])

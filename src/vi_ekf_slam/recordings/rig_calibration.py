@@ -17,16 +17,26 @@ from vi_ekf_slam.recordings.calibration_files import (camchain, contradictions, 
 from vi_ekf_slam.recordings.imu_noise import KEYS, noise_from_yaml
 from vi_ekf_slam.recordings.kitti import calibrated_pair
 from vi_ekf_slam.recordings.recording import Camera
-from vi_ekf_slam.recordings.rectification import rectify
+from vi_ekf_slam.recordings.rectification import rectify, side_by_side
 
 # sensor_msgs/CameraInfo's distortion models and how many coefficients each has, as the node takes them (front_end/camera_model.cpp).
-ROS_MODELS = {"plumb_bob": (4, 5, 8), "rational_polynomial": (4, 5, 8), "equidistant": (4,), "fisheye": (4,)}
-PIXEL_TOLERANCE = 1e-3  # px, between P of both sides, as the node has it (ros/input/rig_assembler.cpp)
+ROS_MODELS = {"plumb_bob": (4, 5, 8, 12, 14), "rational_polynomial": (4, 5, 8, 12, 14), "equidistant": (4,), "fisheye": (4,)}
+# ROS's camera_calibration's keys -> those of sensor_msgs/CameraInfo, as `rostopic echo` writes it.
+INFO_KEYS = {"image_width": "width", "image_height": "height", "camera_matrix": "K", "distortion_coefficients": "D",
+             "rectification_matrix": "R", "projection_matrix": "P"}
+# As the node has them (ros/input/rig_assembler.cpp).
+PIXEL_TOLERANCE = 1e-3  # px, between P of both sides
+MAX_VERTICAL = 0.01  # of the baseline: rows would differ by so much of the disparity, half a pixel of 50
 
 RigCalibration = namedtuple("RigCalibration", "format left right imu_T_left left_T_right noise time_offset notes", defaults=((),))
 RigCalibration.__doc__ = """format: text. left, right: recording.Camera. imu_T_left, left_T_right: 4 x 4, of the cameras as
 mounted where the pictures are raw. noise: imu_noise.ImuNoise, or None: not stated. time_offset: s to be added to a picture's stamp for the IMU's clock, or None.
 notes: lines of text, where the calibration contradicts itself."""
+
+
+def without_surplus(model, distortion):
+    """D without the zeros that drivers fill a fisheye's four coefficients up with, as the node takes it."""
+    return distortion[:4] if ROS_MODELS.get(model) == (4,) and not np.any(distortion[4:]) else distortion
 
 
 def read_calibration(paths, imu=None, imu_T_left=None):
@@ -114,11 +124,14 @@ def _two_files(paths, imu, imu_T_left):
         if abs(values[0] - values[1]) > PIXEL_TOLERANCE:
             raise InputError("%s: %s of projection_matrix is %.6g px, that of %s %.6g px, allowed: the same, of a rectified pair"
                              % (paths[1], name, values[0], paths[0], values[1]))
-    if abs(right.projection[1, 3]) > abs(right.projection[0, 3]):
-        raise InputError("%s: projection_matrix has the second camera above or below the first (P[7] is %.6g), allowed: to its right; of "
-                         "Kalibr's or EuRoC's files such a pair is turned" % (paths[1], right.projection[1, 3]))
-    baseline = -right.projection[0, 3] / right.projection[0, 0]
+    left, right = side_by_side(left, right)
+    baseline, aside = -right.projection[:2, 3] / right.projection[0, 0] + 0.0
     checks.require_positive(baseline, "%s: baseline of projection_matrix, -P[3] / P[0]" % paths[1], "m")
+    if left.projection[:, 3].any():
+        raise InputError("%s: the last column of projection_matrix is not 0, allowed: 0, as of the first camera of a pair" % paths[0])
+    if abs(aside) > MAX_VERTICAL * baseline:
+        raise InputError("%s: projection_matrix has a baseline of %.4g m and %.4g m across it, allowed: %g of it, as of a rectified pair"
+                         % (paths[1], baseline, aside, MAX_VERTICAL))
     left_T_right = inverse(make_transform(left.rectification, np.zeros(3))) @ make_transform(
         right.rectification, [baseline, 0.0, 0.0])
     return RigCalibration("ROS's camera_calibration", left, right, imu_T_left, left_T_right, None, None)
@@ -126,26 +139,39 @@ def _two_files(paths, imu, imu_T_left):
 
 def _ros_camera(path):
     values = read_mapping(path)
-    size = tuple(int(numbers(values.get(key), (), "%s: %s" % (path, key))) for key in ("image_width", "image_height"))
-    model = values.get("distortion_model", "plumb_bob")
+
+    def entry(key):
+        """(what is under that key, or under that of a message; text that names it)."""
+        found = INFO_KEYS[key] if key not in values and INFO_KEYS[key] in values else key
+        data = values.get(found)
+        return data.get("data") if isinstance(data, dict) else data, "%s: %s" % (path, found)
+
+    def array(key, shape):
+        data, name = entry(key)
+        return matrix(data, shape, name), name
+    width, height = (int(numbers(data, (), name)) for data, name in map(entry, ("image_width", "image_height")))
+    data, name = entry("distortion_coefficients")
+    distortion, model = numbers(data, (None,), name), values.get("distortion_model", "plumb_bob")
+    if not model and not distortion.any():
+        model = "plumb_bob"
     if model not in ROS_MODELS:
         raise InputError("%s: distortion_model is '%s', allowed: %s" % (path, model, ", ".join(sorted(ROS_MODELS))))
-
-    def data(key):
-        entry = values.get(key)
-        return entry.get("data") if isinstance(entry, dict) else entry
-    distortion = numbers(data("distortion_coefficients"), (None,), path + ": distortion_coefficients")
+    distortion = without_surplus(model, distortion)
+    if ROS_MODELS[model] != (4,) and not distortion.size:
+        distortion = np.zeros(5)  # of a picture that is rectified
     if distortion.size not in ROS_MODELS[model]:
-        raise InputError("%s: distortion_coefficients has %d numbers, allowed with %s: %s"
-                         % (path, distortion.size, model, " or ".join(map(str, ROS_MODELS[model]))))
-    intrinsics, projection, rotation = (matrix(data(key), shape, "%s: %s" % (path, key)) for key, shape in (
-        ("camera_matrix", (3, 3)), ("projection_matrix", (3, 4)), ("rectification_matrix", (3, 3))))
-    checks.require_intrinsics(intrinsics, path + ": camera_matrix")
-    checks.require_intrinsics(projection[:, :3], path + ": projection_matrix")
-    rotation = check_transform(make_transform(rotation, np.zeros(3)), path + ": rectification_matrix")[:3, :3]
+        raise InputError("%s has %d numbers, allowed with %s: %s"
+                         % (name, distortion.size, model, " or ".join(map(str, ROS_MODELS[model]))))
+    intrinsics, name = array("camera_matrix", (3, 3))
+    checks.require_intrinsics(intrinsics, name)
+    projection, name = array("projection_matrix", (3, 4))
+    checks.require_intrinsics(projection[:, :3], name)
+    rotation, name = array("rectification_matrix", (3, 3))
+    rotation = rotation if rotation.any() else np.eye(3)  # as the node takes it
+    rotation = check_transform(make_transform(rotation, np.zeros(3)), name)[:3, :3]
     if model == "plumb_bob" and distortion.size == 4:
         distortion = np.append(distortion, 0.0)
-    return Camera(size, intrinsics, "equidistant" if model == "fisheye" else model, distortion, rotation, projection)
+    return Camera((width, height), intrinsics, "equidistant" if model == "fisheye" else model, distortion, rotation, projection)
 
 
 def _camera_on_imu(path):

@@ -4,15 +4,14 @@ import numpy as np
 
 from vi_ekf_slam.bag.transforms import matrix_of
 from vi_ekf_slam.common.geometry import make_transform, rotation_error
-from vi_ekf_slam.recordings.rig_calibration import PIXEL_TOLERANCE
+from vi_ekf_slam.recordings.rig_calibration import MAX_VERTICAL, PIXEL_TOLERANCE, ROS_MODELS, without_surplus
 
 MAX_FIELD = (20.0, 150.0)  # deg, horizontal field of view of a rectified picture: lenses beyond are not what a pinhole is for
 # Share of the picture's width and height from its middle: lenses are centred to a twentieth, and K of a picture of half or twice the
 # size is off by a quarter and more.
 MAX_OFF_CENTRE = 0.15
 MAX_LEVER = 10.0  # m, camera on the IMU: larger vehicles exist, but mm instead of m are more frequent
-COEFFICIENTS = {"plumb_bob": (0, 4, 5, 8), "rational_polynomial": (0, 4, 5, 8), "equidistant": (4,), "fisheye": (4,)}  # of D, by the model
-MAX_VERTICAL = 0.01  # of the baseline: rows would differ by so much of the disparity, half a pixel of 50
+COEFFICIENTS = {model: counts if counts == (4,) else (0,) + counts for model, counts in ROS_MODELS.items()}  # of D, by the model
 MIN_BASELINE, MAX_BASELINE = 0.02, 2.0  # m, of rigs that are sold or built
 
 
@@ -21,7 +20,7 @@ class Camera:
 
     def __init__(self, info):
         self.K = np.array(info.K).reshape(3, 3)
-        self.D = np.array(info.D, dtype=float)
+        self.D = without_surplus(info.distortion_model, np.array(info.D, dtype=float))
         rotation = np.array(info.R).reshape(3, 3)
         self.R = rotation if rotation.any() else np.eye(3)
         self.P = np.array(info.P).reshape(3, 4)
@@ -32,7 +31,7 @@ class Camera:
     def is_rectified(self):
         """Whether nothing is left to rectify, as the front end judges it (front_end/camera_model.cpp)."""
         return (not self.D.any() and not self.fisheye and np.abs(self.R - np.eye(3)).max() < 1e-9
-                and np.linalg.norm(self.K - self.P[:, :3]) <= 1e-3)
+                and (not self.K.any() or np.linalg.norm(self.K - self.P[:, :3]) <= 1e-3))
 
     def rectify(self, pixels):
         """(N, 2) px of the picture as it is -> (N, 2) px of the rectified one."""
@@ -110,16 +109,18 @@ def _fault(info, side):
 
 def _lens_fault(info, side):
     """What the front end refuses (ros/front_end/pair_calibration.cpp)."""
-    topic, model, count = "%s/camera_info" % side, info.distortion_model, len(info.D)
+    topic, model, count = "%s/camera_info" % side, info.distortion_model, len(without_surplus(info.distortion_model, info.D))
     if not (info.width and info.height):
         return ("%s does not say how large its pictures are" % topic, "%d x %d px" % (info.width, info.height), "width and height",
                 "set both to the size of the pictures that K and P are of")
-    if model not in COEFFICIENTS and (model or count):
+    if not model and not any(info.D):
+        return None
+    if model not in COEFFICIENTS:
         return ("%s: distortion_model is unknown" % topic, "'%s'" % model, ", ".join(m for m in COEFFICIENTS),
-                "calibrate with one of these; or, where the pictures are rectified already, ros/images: rectified")
-    if count not in COEFFICIENTS.get(model, (0,)):
+                "calibrate with one of these; or, where the pictures are rectified already, front_end/images: rectified")
+    if count not in COEFFICIENTS[model]:
         return ("%s: D does not fit its model" % topic, "%d coefficients (%s)" % (count, model), " or ".join(
-            str(n) for n in COEFFICIENTS.get(model, (0,))), "calibrate again, or leave out those that are too many if they are 0")
+            str(n) for n in COEFFICIENTS[model]), "calibrate again, or leave out those that are too many if they are 0")
     return None
 
 
@@ -131,7 +132,7 @@ def _pair_fault(left, right):
     if vertical > max(PIXEL_TOLERANCE, MAX_VERTICAL * abs(right.P[3])):
         return ("the cameras are one above the other" if vertical > abs(right.P[3]) else "the baseline has a vertical part",
                 "P[3], P[7]: left %.4g, %.4g, right %.4g, %.4g" % (left.P[3], left.P[7], right.P[3], right.P[7]), "P[7] 0",
-                "let import_calibration.py make camera_info of the pair's raw calibration (Kalibr, EuRoC), whose R turns it by 90 deg"
+                "let import_calibration.py turn it by 90 deg: of the calibration's files, or of both camera_info by `rostopic echo -n1`"
                 if vertical > abs(right.P[3]) else "rectify the pair again")
     if left.P[3] == 0.0 and right.P[3] > 0.0:
         return ("camera_info states that the right camera is on the left", "right P[3] %.4g" % right.P[3],

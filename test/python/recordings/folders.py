@@ -110,3 +110,13 @@ def convert(folder, tmp_path, *more):
         for topic, message, stamp in bag.read_messages():
             topics.setdefault(topic, []).append((stamp.to_nsec(), message))
     return topics
+
+
+def assert_same_rig(rig, other):
+    """Of two rig_calibration.RigCalibration."""
+    for one, two in ((rig.left, other.left), (rig.right, other.right)):
+        assert one.size == two.size and one.model == two.model
+        for k in (1, 3, 4, 5):
+            np.testing.assert_allclose(one[k], two[k], atol=1e-9)
+    np.testing.assert_allclose(rig.imu_T_left, other.imu_T_left, atol=1e-9)
+    np.testing.assert_allclose(rig.left_T_right, other.left_T_right, atol=1e-9)

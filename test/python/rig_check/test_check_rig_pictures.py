@@ -91,6 +91,7 @@ def binned(left, right):
 FAULTS = {
     "fisheye of five": (RED, "left/camera_info: D does not fit its model", lens("equidistant", 5)),
     "plumb_bob of three": (RED, "left/camera_info: D does not fit its model", lens("plumb_bob", 3)),
+    "rational_polynomial of thirteen": (RED, "left/camera_info: D does not fit its model", lens("rational_polynomial", 13)),
     "unknown lens": (RED, "left/camera_info: distortion_model is unknown", lens("brown_conrady", 5)),
     "binned": (RED, "left/camera_info has binning or a region of interest", lambda e: breaking.infos(e, binned)),
     "no size": (RED, "left/camera_info does not say how large its pictures are", lambda e: breaking.infos(e, no_size)),
@@ -133,6 +134,31 @@ def test_run_bag_names_the_cause_in_its_last_words(room, tmp_path):
         entries = change(rigs.copies(room))
         done = rigs.run_bag(rigs.write(str(tmp_path / "changed.bag"), entries), str(tmp_path / "run"))
         assert done.returncode == 2 and done.stderr.count("\n") == 1 and words in done.stderr, (words, done.stderr)
+
+
+def fill_up(model, count):
+    def change(left, right):
+        for info in (left, right):
+            info.distortion_model, info.D = model, [0.01] * 4 + [0.0] * (count - 4)
+    return change
+
+
+@pytest.mark.parametrize("model, count", [("rational_polynomial", 12), ("rational_polynomial", 14), ("equidistant", 5)])
+def test_lenses_may_have_coefficients_of_zero_too_many(model, count, room, tmp_path):
+    """As drivers fill them up: what is stated is then judged by the pictures."""
+    report = judge(tmp_path / "lens.bag", breaking.infos(rigs.copies(room), fill_up(model, count)))
+    assert "camera_info" in {f.check for f in report.of_level(GREEN)}, report.findings
+    assert "stereo" in {f.check for f in report.findings if f.figure}, report.findings
+
+
+def not_stated(left, right):
+    for info in (left, right):
+        info.distortion_model, info.K = "", [0.0] * 9
+
+
+def test_rectified_pictures_need_neither_K_nor_a_model(room, tmp_path):
+    report = judge(tmp_path / "bare.bag", breaking.infos(rigs.copies(room), not_stated))
+    assert report.first is None, report.findings
 
 
 def test_nothing_is_wrong_with_a_sound_rig(room, tmp_path):

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -48,6 +49,7 @@ class FrontEndNode {
   ros::Publisher features_;
   FrontEndDiagnostics diagnostics_;
   std::map<std::string, std::uint64_t> warned_;
+  std::set<std::string> warned_of_; ///< flaws of pairs that were used
   WorkQueue::Clock::time_point last_input_ = WorkQueue::Clock::now();
   ros::Time time_of_last_input_;
   WorkQueue::Clock::time_point last_warning_ = WorkQueue::Clock::now();

@@ -83,7 +83,7 @@ class ImageIntake {
   double lastSeconds() const { return last_seconds_; }
   /// Images and pairs that were of no or little use, by "images: reason".
   std::map<std::string, std::uint64_t> turnedAway() const;
-  /// Pairs that were used although a part of a picture is missing, by "images used: what".
+  /// Pairs that were used although something is wrong with them, by "images used: what".
   const std::map<std::string, std::uint64_t>& flawed() const { return counts_.flawed; }
   /// What is wrong with the last pair, in words; empty: nothing.
   const std::string& lastProblem() const { return last_problem_; }
