@@ -8,8 +8,8 @@
 #include "numeric.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 /// A stereo rig and what it sees along a street.
 namespace vi_ekf_slam::test {

@@ -8,7 +8,7 @@
 #include <variant>
 
 #include "../sanitized.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 #include "vi_ekf_slam/core/slam/slam_system.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/monte_carlo.hpp"

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/run/parse_config.hpp"
 
 namespace vi_ekf_slam {
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 #include "vi_ekf_slam/simulation/consistency.hpp"
 #include "vi_ekf_slam/simulation/drive_options.hpp"
 #include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"

@@ -6,7 +6,7 @@
 #include "vi_ekf_slam/core/health/recovery.hpp"
 #include "vi_ekf_slam/core/loops/fuse_matches.hpp"
 #include "vi_ekf_slam/core/observation/body_twist.hpp"
-#include "vi_ekf_slam/core/observation/track_slip.hpp"
+#include "vi_ekf_slam/core/tracking/track_slip.hpp"
 
 namespace vi_ekf_slam::test {
 namespace {

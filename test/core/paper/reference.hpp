@@ -8,8 +8,8 @@
 #include "../exp_series.hpp"
 #include "vi_ekf_slam/core/geometry/camera.hpp"
 #include "vi_ekf_slam/core/geometry/so3.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 /// The paper's filter written as plainly as its equations stand, with 4x4 matrices, explicit inverses, dense
 /// covariances and long double: what the package's own, faster forms have to reproduce.

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "vi_ekf_slam/core/run/parse_config.hpp"
 #include "vi_ekf_slam/core/run/yaml_section.hpp"
 
 namespace vi_ekf_slam::test {

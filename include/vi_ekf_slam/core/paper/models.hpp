@@ -4,8 +4,8 @@
 #include <optional>
 
 #include "vi_ekf_slam/core/geometry/camera.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 /// The paper's models: how the pose moves, what the pair sees, and which landmarks there are.
 namespace vi_ekf_slam::paper {

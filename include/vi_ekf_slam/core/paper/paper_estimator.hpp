@@ -4,7 +4,7 @@
 
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
 #include "vi_ekf_slam/core/paper/filters.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 
 namespace vi_ekf_slam::paper {

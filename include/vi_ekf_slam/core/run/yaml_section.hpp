@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 namespace vi_ekf_slam {
 

@@ -8,8 +8,8 @@
 #include "vi_ekf_slam/core/motion/constant_twist.hpp"
 #include "vi_ekf_slam/core/motion/inertial.hpp"
 #include "vi_ekf_slam/core/observation/stereo_model.hpp"
-#include "vi_ekf_slam/core/observation/track_slip.hpp"
 #include "vi_ekf_slam/core/tracking/frame_update.hpp"
+#include "vi_ekf_slam/core/tracking/track_slip.hpp"
 
 namespace vi_ekf_slam {
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/imu_rate.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 namespace vi_ekf_slam {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/measurement.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 
 namespace vi_ekf_slam {
 

@@ -11,10 +11,10 @@
 
 #include "vi_ekf_slam/core/health/blindness.hpp"
 #include "vi_ekf_slam/core/motion/dead_reckoning.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
 #include "vi_ekf_slam/core/sensors/arrivals.hpp"
 #include "vi_ekf_slam/core/sensors/imu_check.hpp"
 #include "vi_ekf_slam/core/sensors/lever_arm.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 #include "vi_ekf_slam/core/slam/estimator.hpp"
 #include "vi_ekf_slam/core/slam/motion_check.hpp"
 #include "vi_ekf_slam/core/slam/motion_selection.hpp"

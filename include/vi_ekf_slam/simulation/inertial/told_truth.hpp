@@ -5,7 +5,7 @@
 
 #include "vi_ekf_slam/core/motion/initial_state.hpp"
 #include "vi_ekf_slam/core/observation/rig_variables.hpp"
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/slam/config.hpp"
 #include "vi_ekf_slam/simulation/drive_simulator.hpp"
 #include "vi_ekf_slam/simulation/inertial/inertial_study.hpp"
 

@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/run/config.hpp"
+#include "vi_ekf_slam/core/run/parse_config.hpp"
 
 #include <filesystem>
 

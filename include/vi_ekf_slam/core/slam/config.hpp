@@ -3,15 +3,10 @@
 #include <Eigen/Core>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "vi_ekf_slam/core/sensors/measurement_buffer.hpp"
 #include "vi_ekf_slam/core/slam/invariant_config.hpp"
 #include "vi_ekf_slam/core/types.hpp"
-
-namespace YAML {
-class Node;
-}
 
 namespace vi_ekf_slam {
 
@@ -51,11 +46,5 @@ struct Config {
   InvariantConfig invariant;
   PaperConfig paper;
 };
-
-/// Reads a YAML document and checks every value. Unknown keys are errors, except the top-level
-/// `other_sections`, which belong to somebody else (the node's frames and topics). `source` is the file named
-/// in messages; a file that the document names by a relative path is in `folder`.
-Config parseConfig(const YAML::Node& document, const std::string& source,
-                   const std::vector<std::string>& other_sections = {}, const std::string& folder = {});
 
 } // namespace vi_ekf_slam

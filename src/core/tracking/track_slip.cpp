@@ -1,4 +1,4 @@
-#include "vi_ekf_slam/core/observation/track_slip.hpp"
+#include "vi_ekf_slam/core/tracking/track_slip.hpp"
 
 #include <algorithm>
 #include <cmath>
