@@ -1,5 +1,3 @@
-#include "vi_ekf_slam/core/run/parse_config.hpp"
-
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
@@ -8,6 +6,7 @@
 #include <vector>
 
 #include "config_errors.hpp"
+#include "vi_ekf_slam/core/run/parse_config.hpp"
 
 namespace vi_ekf_slam {
 namespace {
