@@ -5,7 +5,6 @@
 #include <benchmark/benchmark.h>
 
 #include <Eigen/Cholesky>
-#include <algorithm>
 #include <chrono>
 
 #include "resting_scene.hpp"
@@ -36,7 +35,7 @@ void frameUpdate(benchmark::State& run) {
     const FrameOutcome outcome = scene.correct(filter, frame);
     const double took = seconds(start);
     ours += took;
-    used = static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true));
+    used = countTrue(outcome.used);
     run.SetIterationTime(took);
 
     Eigen::MatrixXd A = PHt;

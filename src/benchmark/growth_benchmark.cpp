@@ -51,8 +51,7 @@ class Traffic {
     }
     for (const StereoFeatureObservation& arrival : arrivals) scene_.initialise(arrival);
     scene_.map.bound(scene_.filter);
-    return {static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC,
-            static_cast<std::size_t>(std::count(outcome.used.begin(), outcome.used.end(), true))};
+    return {static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, countTrue(outcome.used)};
   }
 
   std::size_t inactive() const { return scene_.filter.inactive().size(); }

@@ -247,6 +247,17 @@ std::string neesSummary(const std::vector<SeedResult>& results) {
                        low3, high3);
 }
 
+/// Of a study of one pair of rates: mean pose NEES at the check points, then NIS per degree of freedom, RMSE
+/// of the position and of dead reckoning in m.
+std::vector<double> rateFigures(const std::vector<SeedResult>& results) {
+  std::vector<double> figures;
+  for (const double share : simulation::kCheckPoints) figures.push_back(meanNees(results, share));
+  figures.push_back(meanOf(results, simulation::nisPerDof));
+  figures.push_back(meanRmse(results, &FrameErrors::position));
+  figures.push_back(meanRmse(results, &FrameErrors::dead_reckoning));
+  return figures;
+}
+
 /// Of all seeds, or where it says so those with an estimate.
 std::string errorsSummary(const std::vector<SeedResult>& results) {
   double nis = 0.0, dof = 0.0, fall = 0.0, largest = InertialOutcome::kNever;
@@ -315,11 +326,9 @@ std::string ratesSummary(const std::vector<RateStudy>& studies) {
       format("%zu seeds, mean pose NEES (expected 6.00, 95 %% bounds %.2f-%.2f)\n", seeds, low, high);
   text += "  frames Hz  imu Hz      25 %      50 %      75 %     100 %   NIS/dof  RMSE m  dead reckoning m\n";
   for (const auto& [drive, results] : studies) {
-    text += format("  %9g %7g ", drive.frame_rate, drive.imuRate());
-    for (const double share : simulation::kCheckPoints) text += format(" %9.2f", meanNees(results, share));
-    text +=
-        format("  %8.3f %7.2f  %16.2f\n", meanOf(results, simulation::nisPerDof),
-               meanRmse(results, &FrameErrors::position), meanRmse(results, &FrameErrors::dead_reckoning));
+    const std::vector<double> f = rateFigures(results);
+    text += format("  %9g %7g  %9.2f %9.2f %9.2f %9.2f  %8.3f %7.2f  %16.2f\n", drive.frame_rate,
+                   drive.imuRate(), f[0], f[1], f[2], f[3], f[4], f[5], f[6]);
     text += anewSummary(results);
   }
   return text;
@@ -330,10 +339,8 @@ void writeRates(const std::string& directory, const std::vector<RateStudy>& stud
       "frame_rate,imu_rate,nees_25,nees_50,nees_75,nees_100,nis_per_dof,position_rmse,dead_reckoning_rmse\n";
   for (const auto& [drive, results] : studies) {
     text += format("%g,%g", drive.frame_rate, drive.imuRate());
-    for (const double share : simulation::kCheckPoints) text += format(",%.6g", meanNees(results, share));
-    text +=
-        format(",%.6g,%.6g,%.6g\n", meanOf(results, simulation::nisPerDof),
-               meanRmse(results, &FrameErrors::position), meanRmse(results, &FrameErrors::dead_reckoning));
+    for (const double figure : rateFigures(results)) text += format(",%.6g", figure);
+    text += "\n";
   }
   writeFile(directory + "/rates.csv", text);
 }
