@@ -21,10 +21,14 @@ namespace vi_ekf_slam::simulation {
 namespace {
 
 constexpr std::uint64_t kSeeds = kSanitized ? 1 : 4;
+constexpr std::uint64_t kElsewhere = 2; // seeds further: other streets, other landmarks
 
-/// Two laps round a block: on the second one most of what the front end detects are landmarks of the first,
-/// with their ids or, `by_looks`, with descriptors alone.
-Drive twoLaps(std::uint64_t seed, bool by_looks = false) {
+/// How the second lap knows the landmarks of the first: by ids that return, or by descriptors alone.
+enum class KnownBy { kIds, kLooks };
+
+/// Two laps round a block: on the second one most of what the front end detects are landmarks of the first.
+Drive twoLaps(std::uint64_t seed, KnownBy known_by) {
+  const bool by_looks = known_by == KnownBy::kLooks;
   DriveOptions options = studyOptions(MotionModel::kCarDrive);
   options.seed = seed;
   options.ids_return = !by_looks;
@@ -50,11 +54,24 @@ void drive(SlamSystem& system, const Drive& laps, std::size_t begin, std::size_t
   }
 }
 
-std::shared_ptr<const SavedMap> mapOfTheFirstLap(const Drive& laps) {
-  SlamSystem system({});
-  system.setRig(laps.rig);
-  drive(system, laps, 0, laps.steps.size() / 2);
-  return std::make_shared<const SavedMap>(system.estimator().savedMap()());
+/// What all tests start from; driven once for all of them.
+struct FirstLap {
+  Drive laps;
+  std::shared_ptr<const SavedMap> map;
+};
+
+const FirstLap& firstLap(std::uint64_t seed, KnownBy known_by) {
+  static std::map<std::pair<std::uint64_t, KnownBy>, FirstLap> driven;
+  const auto [it, is_new] = driven.try_emplace({seed, known_by});
+  FirstLap& first = it->second;
+  if (is_new) {
+    first.laps = twoLaps(seed, known_by);
+    SlamSystem system({});
+    system.setRig(first.laps.rig);
+    drive(system, first.laps, 0, first.laps.steps.size() / 2);
+    first.map = std::make_shared<const SavedMap>(system.estimator().savedMap()());
+  }
+  return first;
 }
 
 struct SecondLap {
@@ -88,8 +105,7 @@ SecondLap driveTheSecondLap(const Drive& laps, const std::shared_ptr<const Saved
 TEST(Relocalisation, FindsThePlaceWithAnHonestCovariance) {
   double nees = 0.0, worst = 0.0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const Drive laps = twoLaps(seed);
-    const auto map = mapOfTheFirstLap(laps);
+    const auto& [laps, map] = firstLap(seed, KnownBy::kIds);
     EXPECT_NO_THROW(validate(*map, "map")) << seed;
     const SecondLap lap = driveTheSecondLap(laps, map);
     ASSERT_TRUE(lap.frames_before) << seed;
@@ -122,8 +138,7 @@ Drive renumbered(Drive laps, std::size_t from) {
 TEST(Relocalisation, FindsThePlaceByLooksAloneWithAnHonestCovariance) {
   double nees = 0.0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const Drive laps = twoLaps(seed, true);
-    const auto map = mapOfTheFirstLap(laps);
+    const auto& [laps, map] = firstLap(seed, KnownBy::kLooks);
     const SecondLap lap = driveTheSecondLap(renumbered(laps, laps.steps.size() / 2), map);
     ASSERT_TRUE(lap.frames_before) << seed;
     EXPECT_LT(*lap.frames_before, 300U) << seed; // of about 600
@@ -151,19 +166,18 @@ Drive withTwins(Drive laps, std::size_t from, FeatureId every) {
 }
 
 TEST(Relocalisation, TwoTracksOfACornerAreNotBothOneLandmark) {
-  const Drive laps = twoLaps(1, true);
+  const auto& [laps, map] = firstLap(1, KnownBy::kLooks);
   const std::size_t half = laps.steps.size() / 2;
-  const SecondLap lap =
-      driveTheSecondLap(withTwins(renumbered(laps, half), half, 3), mapOfTheFirstLap(laps));
+  const SecondLap lap = driveTheSecondLap(withTwins(renumbered(laps, half), half, 3), map);
   EXPECT_TRUE(lap.frames_before);
   EXPECT_LT(lap.last_error, 3.0);
 }
 
 TEST(Relocalisation, DoesNotTakeAnotherStreetForItsOwnByItsLooks) {
   for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
-    const Drive laps = twoLaps(seed, true);
+    const Drive& laps = firstLap(seed, KnownBy::kLooks).laps;
     const SecondLap lap = driveTheSecondLap(renumbered(laps, laps.steps.size() / 2),
-                                            mapOfTheFirstLap(twoLaps(seed + 100, true)));
+                                            firstLap(seed + kElsewhere, KnownBy::kLooks).map);
     EXPECT_EQ(lap.relocalisations, 0U) << seed;
   }
 }
@@ -171,7 +185,8 @@ TEST(Relocalisation, DoesNotTakeAnotherStreetForItsOwnByItsLooks) {
 TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {
   for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
     // The same ids, of other points.
-    const SecondLap lap = driveTheSecondLap(twoLaps(seed), mapOfTheFirstLap(twoLaps(seed + 100)));
+    const SecondLap lap = driveTheSecondLap(firstLap(seed, KnownBy::kIds).laps,
+                                            firstLap(seed + kElsewhere, KnownBy::kIds).map);
     EXPECT_FALSE(lap.frames_before) << seed;
     EXPECT_EQ(lap.relocalisations, 0U) << seed;
     EXPECT_EQ(lap.use, MapUse::kWaiting) << seed;
@@ -179,10 +194,10 @@ TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {
 }
 
 TEST(Relocalisation, IsDoneAgainAfterAReset) {
-  const Drive laps = twoLaps(1);
+  const auto& [laps, map] = firstLap(1, KnownBy::kIds);
   SlamSystem system({});
   system.setRig(laps.rig);
-  system.loadMap(mapOfTheFirstLap(laps), "the first lap");
+  system.loadMap(map, "the first lap");
   const std::size_t half = laps.steps.size() / 2;
   drive(system, laps, half, half + 200);
   EXPECT_EQ(system.counts().relocalisations, 1U);
