@@ -23,8 +23,8 @@ export PYTHONPYCACHEPREFIX="$build/.pycache" PYTHONDONTWRITEBYTECODE=
 rm -rf "$results"  # old results must not count
 mkdir -p "$results"
 status=0
-# Rostests mostly wait, so that all the others run beside them, with less right to the cores, since those have times to
-# keep; in three, so that no core waits for another at the end.
+# Rostests mostly wait, so that two run at once, each with a master of its own, and all the others beside them, with less
+# right to the cores, since those have times to keep; in three, so that no core waits for another at the end.
 names=() jobs=()
 in_background() {
   nice "${@:2}" >"$build/$1.log" 2>&1 &
@@ -34,7 +34,7 @@ in_background() {
 python_tests() {
   in_background "$1" "$python" -m pytest "${@:2}" -q -rs -p no:cacheprovider --junitxml="$results/$1.xml"
 }
-limited=(timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" -j1 --target)
+limited=(timeout --kill-after=30 "${TEST_TIMEOUT:-1800}" cmake --build "$build" --target)
 # A failed test leaves its result; what ended the run itself would leave none.
 note_failure() {
   status=1
@@ -50,10 +50,10 @@ with_studies=("$tests/studies" "$tests/paper" "$tests/bag")
 say "running the gtests and the Python tests in the background"
 python_tests studies "${with_studies[@]}"
 python_tests python "$tests" "${with_studies[@]/#/--ignore=}"
-in_background gtests "${limited[@]}" run_tests_vi_ekf_slam_gtest
+in_background gtests "${limited[@]}" run_tests_vi_ekf_slam_gtest -j1
 say "running the rostests"
-"${limited[@]}" run_tests_vi_ekf_slam_rostest || note_failure rostests
-"${limited[@]}" run_tests_vi_ekf_slam_roslaunch-check || note_failure roslaunch_check
+"${limited[@]}" run_tests_vi_ekf_slam_rostest -j2 || note_failure rostests
+"${limited[@]}" run_tests_vi_ekf_slam_roslaunch-check -j1 || note_failure roslaunch_check
 for i in "${!jobs[@]}"; do
   wait "${jobs[$i]}" || note_failure "${names[$i]}"
   say "${names[$i]}"

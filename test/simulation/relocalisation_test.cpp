@@ -185,8 +185,8 @@ TEST(Relocalisation, DoesNotTakeAnotherStreetForItsOwnByItsLooks) {
 TEST(Relocalisation, DoesNotTakeAnotherDriveForItsOwn) {
   for (std::uint64_t seed = 1; seed <= (kSanitized ? 1 : 2); ++seed) {
     // The same ids, of other points.
-    const SecondLap lap = driveTheSecondLap(firstLap(seed, KnownBy::kIds).laps,
-                                            firstLap(seed + kElsewhere, KnownBy::kIds).map);
+    const SecondLap lap =
+        driveTheSecondLap(firstLap(seed, KnownBy::kIds).laps, firstLap(seed + kElsewhere, KnownBy::kIds).map);
     EXPECT_FALSE(lap.frames_before) << seed;
     EXPECT_EQ(lap.relocalisations, 0U) << seed;
     EXPECT_EQ(lap.use, MapUse::kWaiting) << seed;
