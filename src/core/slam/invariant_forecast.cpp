@@ -24,13 +24,13 @@ std::optional<Filter> InvariantEstimator::ahead(Stamp end, double known_tilt) co
   ImuTrack imu = imu_;
   imu.expectAt(end);
   // Bit by bit: over a gap of years the heading is lost soon.
-  while (now < end) {
-    const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
-    propagate(ahead, imu, std::exchange(now, next), next);
+  for (;;) {
     const Eigen::Vector3d sigma = ahead.covariance().diagonal().segment<3>(3).cwiseSqrt();
     if (!(sigma.head<2>().maxCoeff() <= known_tilt && sigma.z() <= kBridgedHeading)) return std::nullopt;
+    if (now >= end) return ahead;
+    const Stamp next = std::min(end, now + fromSeconds(kBridgeStep));
+    propagate(ahead, imu, std::exchange(now, next), next);
   }
-  return ahead;
 }
 
 bool InvariantEstimator::canBridge(double gap_s) const {

@@ -150,6 +150,16 @@ void SlamSystem::bridge(Stamp now) {
   }
 }
 
+/// Frames without features tell nothing, and without a gyro the orientation is lost meanwhile, whatever else
+/// comes.
+void SlamSystem::seeAgain(const StereoFrame& frame) {
+  if (frame.features.empty()) return;
+  const std::optional<Stamp> before = std::exchange(seen_, frame.stamp);
+  const double blind = before ? secondsBetween(*before, frame.stamp) : 0.0;
+  if (blind > kShortestGap && !estimator_->canBridge(0.0))
+    beginAfterGap("no feature for " + std::to_string(blind) + " s" + kLost);
+}
+
 /// The world is as it was, and the body where it may have got to.
 void SlamSystem::beginAfterGap(const std::string& reason) {
   auto map = mapOfBefore();
@@ -222,6 +232,7 @@ void SlamSystem::beginAnew(const std::string& reason) {
   before_gap_.reset();
   told_starts_.clear();
   reached_.reset();
+  seen_.reset();
   checks_.imu.restart();
   checks_.motion.restart();
   dead_reckoning_ = DeadReckoning();
@@ -302,6 +313,7 @@ void SlamSystem::process(const VelocitySample& sample) {
 }
 
 void SlamSystem::process(const StereoFrame& frame) {
+  seeAgain(frame);
   if (!given_.rig) ++counts_.frames_without_rig;
   checks_.imu.noteFrame(frame.stamp);
   // The baseline takes all as it is.

@@ -38,7 +38,7 @@ class Eventful {
     const double dice = random_.uniform(0.0, 1.0);
     if (dice < 0.2) {
       const double gap = random_.uniform(3.0, 25.0);
-      for (double t = 0.0; t < gap; t += 0.1) scene_.motion.propagate(scene_.filter, 0.1);
+      for (double t = 0.0; t < gap && isBridged(); t += 0.1) scene_.motion.propagate(scene_.filter, 0.1);
       return "gap";
     }
     if (dice < 0.35) {
@@ -75,6 +75,9 @@ class Eventful {
     scene.filter.closeCore();
     return scene;
   }
+
+  /// The estimator begins anew where the orientation is not known to a radian (invariant_forecast.cpp).
+  bool isBridged() const { return scene_.filter.covariance().diagonal().segment<3>(3).maxCoeff() < 1.0; }
 
   Matrix6d spread() {
     Vector6d variance;
@@ -143,7 +146,7 @@ class Eventful {
 };
 
 TEST(JointCovariance, StaysOneWhateverHappens) {
-  for (unsigned seed = 1; seed <= 8; ++seed) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
     Eventful drive(seed);
     for (int event = 0; event < 12; ++event) {
       for (int i = 0; i < 10; ++i) drive.frame();

@@ -161,5 +161,35 @@ TEST(SlamSystem, BridgesWithAnEstimatorThatDoesNotSay) {
   EXPECT_EQ(told.counts.resets, 0u);
 }
 
+/// Resets of a system that sees for 3 s, then nothing for 20 s while all else goes on, and sees again.
+std::vector<std::string> resetsOfBlinded(bool gyro, bool velocity) {
+  Config config;
+  SlamSystem system(config);
+  std::vector<std::string> reasons;
+  system.onReset([&](const std::string& reason, const PathEstimate&) { reasons.push_back(reason); });
+  system.setRig(exampleRig());
+  Road road(6, 30, kTypical);
+  for (int i = 0; i < 260; ++i) {
+    if (gyro) system.add(road.gyro());
+    if (velocity) system.add(road.velocity());
+    StereoFrame frame = road.frame();
+    if (i >= 30 && i < 230) frame.features.clear();
+    system.add(frame);
+    road.move();
+  }
+  system.flush();
+  return reasons;
+}
+
+TEST(SlamSystem, BeginsAnewWhereItHasSeenNothingForSoLongThatTheHeadingIsNotKnown) {
+  for (const bool velocity : {false, true}) {
+    const auto reasons = resetsOfBlinded(false, velocity);
+    ASSERT_EQ(reasons.size(), 1u);
+    EXPECT_EQ(reasons[0].rfind("no feature for 20.1", 0), 0u) << reasons[0];
+    EXPECT_NE(reasons[0].find("s, after which the orientation is not known"), std::string::npos);
+  }
+  EXPECT_TRUE(resetsOfBlinded(true, true).empty());
+}
+
 } // namespace
 } // namespace vi_ekf_slam

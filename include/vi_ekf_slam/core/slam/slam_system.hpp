@@ -174,6 +174,7 @@ class SlamSystem {
   void requireJointMap(const std::string& source) const;
   void followJump();
   void bridge(Stamp now);
+  void seeAgain(const StereoFrame& frame);
   void beginAfterGap(const std::string& reason);
   std::shared_ptr<const SavedMap> mapOfBefore() const;
   void drain();
@@ -199,6 +200,7 @@ class SlamSystem {
   bool keeps_map_ = false;
   std::shared_ptr<const SavedMap> before_gap_; ///< in which the place is looked for until it is found
   std::optional<Stamp> reached_;               ///< by the estimate
+  std::optional<Stamp> seen_;                  ///< of the last frame that had features
   DeadReckoning dead_reckoning_;
   std::optional<Stamp> last_velocity_; ///< since the start
   LeverArm lever_arm_;
