@@ -1,6 +1,7 @@
 #include "vi_ekf_slam/core/sensors/imu_check.hpp"
 
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "vi_ekf_slam/core/sensors/median.hpp"
@@ -13,6 +14,7 @@ constexpr std::size_t kWindow = 100; // intervals
 constexpr std::size_t kFewest = 20;  // intervals that tell which one is usual
 constexpr double kFactor = 1.5;      // a lost sample makes 2 of it
 constexpr std::size_t kStuttering = kWindow / 10;
+constexpr double kHoles = 0.25;  // of the time, in which samples come together or are lost
 constexpr double kSilence = 0.5; // s, and longer than some samples of a slow one
 constexpr std::size_t kFramesAlone = 3;
 constexpr double kAccelerationTime = 1;     // s over which accelerations are judged
@@ -60,12 +62,17 @@ void ImuCheck::noteInterval(Stamp from, Stamp to) {
     intervals_.pop_front();
     odd_.pop_front();
   }
-  if (std::count(odd_.begin(), odd_.end(), true) <= static_cast<std::ptrdiff_t>(kStuttering))
+  const double odd_time = std::inner_product(intervals_.begin(), intervals_.end(), odd_.begin(), 0.0);
+  const double time = std::accumulate(intervals_.begin(), intervals_.end(), 0.0);
+  if (std::count(odd_.begin(), odd_.end(), true) <= static_cast<std::ptrdiff_t>(kStuttering) &&
+      odd_time <= kHoles * time)
     return faults_[kStutter].clear();
   const auto [shortest, longest] = std::minmax_element(intervals_.begin(), intervals_.end());
-  faults_[kStutter] = "the IMU stutters: its samples are " + rounded(1e3 * *shortest) + " to " +
-                      rounded(1e3 * *longest) + " ms apart, mostly " + rounded(1e3 * usual) +
-                      "; more than one in ten differs from that by more than a factor of " + rounded(kFactor);
+  faults_[kStutter] =
+      "the IMU stutters: its samples are " + rounded(1e3 * *shortest) + " to " + rounded(1e3 * *longest) +
+      " ms apart, mostly " + rounded(1e3 * usual) +
+      "; more than one in ten, or a quarter of the time, differs from that by more than a factor of " +
+      rounded(kFactor);
   if (!std::exchange(told_stutter_, true)) say(faults_[kStutter]);
 }
 

@@ -8,8 +8,12 @@
 namespace vi_ekf_slam {
 namespace {
 
-// s; no IMU is as slow. What comes after it is a gap, in which rate and acceleration do what they like:
+// s; no IMU is as slow. What comes after it, or after so many mean intervals (stamps of a host come in
+// bursts), is a gap, in which rate and acceleration do what they like:
 constexpr double kLongestPeriod = 0.15;
+constexpr double kMissing = 4.0;
+constexpr double kUsual = 20.0;            // intervals, of which that is the mean, and
+constexpr double kFewestIntervals = 5.0;   // that it takes
 constexpr double kRateWalk = 1.0;          // rad/s^1.5, of a vehicle or a hand that is not seen
 constexpr double kAccelerationWalk = 10.0; // m/s^2.5
 constexpr double kMemory = 1.0;            // s, of how much the body shakes
@@ -46,8 +50,11 @@ void ImuTrack::expectAt(Stamp stamp) {
 void ImuTrack::reach(const ImuSample& measured) {
   if (measured.acceleration) accelerated_ = measured.stamp;
   const ImuSample sample = completed(measured);
-  if (last_ && sample.stamp > last_->stamp)
+  if (last_ && sample.stamp > last_->stamp) {
     period_ = std::min(secondsBetween(last_->stamp, sample.stamp), kLongestPeriod);
+    intervals_ = std::min(intervals_ + 1.0, kUsual);
+    usual_ += (period_ - usual_) / intervals_;
+  }
   noteDifferences(sample);
   before_ = std::exchange(last_, sample);
   next_.reset();
@@ -55,7 +62,7 @@ void ImuTrack::reach(const ImuSample& measured) {
 
 void ImuTrack::noteDifferences(const ImuSample& sample) {
   const double since = last_ ? secondsBetween(last_->stamp, sample.stamp) : 0.0;
-  if (since <= 0.0 || since > kLongestPeriod) recent_.clear();
+  if (since <= 0.0 || since > longestInterval()) recent_.clear();
   recent_.push_back({sample.angular_velocity, sample.acceleration.value_or(Eigen::Vector3d::Zero())});
   if (recent_.size() < 5) return;
   const auto variance = [this](auto member) -> Eigen::Vector3d {
@@ -67,6 +74,10 @@ void ImuTrack::noteDifferences(const ImuSample& sample) {
   shaking_.rate += (variance(&Reading::rate) - shaking_.rate) / weight_;
   shaking_.acceleration += (variance(&Reading::acceleration) - shaking_.acceleration) / weight_;
   recent_.pop_front();
+}
+
+double ImuTrack::longestInterval() const {
+  return intervals_ < kFewestIntervals ? kLongestPeriod : std::min(kMissing * usual_, kLongestPeriod);
 }
 
 ImuTrack::Reading ImuTrack::at(Stamp stamp) const {
@@ -137,7 +148,7 @@ ImuInterval ImuTrack::over(Stamp from, Stamp to) const {
   double gap = kWithoutAny;
   if (last_ || next_) gap = secondsBetween(last_ ? last_->stamp : from, next_ ? next_->stamp : to);
   const bool between = last_ && next_;
-  if (gap > (between ? kLongestPeriod : kLate * period_)) {
+  if (gap > (between ? longestInterval() : kLate * period_)) {
     const double growth = between ? gap * gap / 12.0 : gap * gap;
     interval.rate_density += growth * isotropic(kRateWalk);
     interval.acceleration_density += growth * isotropic(kAccelerationWalk);

@@ -68,6 +68,17 @@ TEST(ImuCheck, SaysOnceThatItStuttersAndCountsEachInterval) {
   EXPECT_EQ(check.problem(), "") << "it is well again";
 }
 
+TEST(ImuCheck, SaysThatSamplesAreLostInHoles) {
+  ImuCheck check(kGravity);
+  std::vector<double> times = regular(0.0, 1.0, 0.005);
+  for (int i = 0; i < 10; ++i) {
+    times.push_back(times.back() + 0.1);
+    for (int k = 0; k < 50; ++k) times.push_back(times.back() + 0.005);
+  }
+  EXPECT_TRUE(contains(saidOf(check, times),
+                       "samples are 5 to 100 ms apart, mostly 5; more than one in ten, or a quarter"));
+}
+
 TEST(ImuCheck, CountsALostSampleWithoutAWord) {
   ImuCheck check(kGravity);
   std::vector<double> times = regular(0.0, 2.0, 0.01);

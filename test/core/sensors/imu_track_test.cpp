@@ -172,5 +172,26 @@ TEST(ImuTrack, AGapIsUncertainByWhatTheBodyMayHaveDoneInIt) {
   EXPECT_GE(imu.gyroNoise()(0, 0), 1e-4 / 0.151);
 }
 
+/// Density added to the rate's in the last of these intervals (s), which come again and again before it.
+double addedIn(double gap, const std::vector<double>& intervals) {
+  ImuTrack imu(kNoise, true);
+  const auto still = [](double t) { return imuSample(t, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()); };
+  double t = 10.0;
+  for (std::size_t i = 0; i < 60; t += intervals[i++ % intervals.size()]) imu.reach(still(t));
+  const Stamp last = fromSeconds(t - intervals.back()), next = fromSeconds(t - intervals.back() + gap);
+  ImuSample sample = still(t);
+  sample.stamp = next;
+  imu.expect(sample);
+  return imu.over(last, next).rate_density(0, 0) - 1e-4;
+}
+
+TEST(ImuTrack, SamplesThatAFastImuLosesAreAGapToo) {
+  EXPECT_NEAR(addedIn(0.1, {0.005}), 0.1 * 0.1 / 12.0, 1e-8);
+  EXPECT_NEAR(addedIn(0.03, {0.005}), 0.03 * 0.03 / 12.0, 1e-8);
+  EXPECT_EQ(addedIn(0.01, {0.005}), 0.0) << "one of them";
+  EXPECT_EQ(addedIn(0.1, {0.1}), 0.0) << "as slow as that";
+  EXPECT_EQ(addedIn(0.0148, {0.0001, 0.0001, 0.0148}), 0.0) << "stamps of a host";
+}
+
 } // namespace
 } // namespace vi_ekf_slam

@@ -59,12 +59,16 @@ class ImuTrack {
   Reading at(Stamp stamp) const;
   Reading bend(Stamp from, Stamp to) const;
   void noteDifferences(const ImuSample& sample);
+  /// s, of what is no gap.
+  double longestInterval() const;
 
   ImuNoise noise_;
   bool noise_given_;
   std::optional<ImuSample> before_, last_, next_;
   std::optional<Stamp> accelerated_; ///< of the last sample that had an acceleration
   double period_ = 0.01;             ///< s between samples; as is usual, before two have told
+  double usual_ = 0.0;               ///< s, the mean of the last intervals
+  double intervals_ = 0.0;           ///< how many these are
   std::deque<Reading> recent_;       ///< the last samples, regularly spaced
   Reading shaking_;                  ///< variances of one sample, (rad/s)^2 and (m/s^2)^2, of the last second
   double weight_ = 0.0;              ///< of how many samples
