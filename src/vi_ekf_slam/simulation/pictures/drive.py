@@ -20,6 +20,7 @@ BIAS_SIGMAS = (0.003, 0.03)  # rad/s, m/s^2: of gyro and accelerometer at the st
 FRAME_DELAY = 2100000  # ns; a camera's clock does not tick with the IMU's
 LENSES = ("pinhole", "radtan", "fisheye")
 BASELINES = {"street": 0.3, "room": 0.11}  # m
+NEAR = 3.0  # m, about the nearest that is seen from a street or in a room
 CAMERA_IN_IMU = np.array([0.15, 0.0, 0.05])  # m, the middle of the pair
 JPEG_QUALITY = 95
 
@@ -41,7 +42,7 @@ def make_parser():
     parser.add_argument("--frame-rate", type=float, default=10.0, metavar="HZ",
                         help="stereo pairs, Hz (default: %(default)g)")
     parser.add_argument("--exposure", type=float, default=0.0, metavar="S",
-                        help="s that the shutter is open: motion blur, of 5 pictures (default: 0, none)")
+                        help="s that the shutter is open: motion blur, of pictures a pixel apart (default: 0, none)")
     parser.add_argument("--exposure-drift", type=float, default=0.0, metavar="SHARE",
                         help="how much brighter and darker the pictures become in turns, as a share (default: 0)")
     parser.add_argument("--pixel-noise", type=float, default=2.0, metavar="LEVELS",
@@ -111,6 +112,13 @@ def write_drive(folder, options):
     return _draw_pictures(base, motion, stamps, cameras, lens, options, random), motion, cameras[0]
 
 
+def _moments(motion, t, exposure, focal_length):
+    """s from t on, of the pictures that make a blurred one: a pixel apart where something is NEAR m away."""
+    speed = np.linalg.norm(felt(motion, t)[0]) + np.linalg.norm(velocity(motion, t)) / NEAR  # rad/s
+    count = 1 + int(focal_length * speed * exposure)
+    return exposure * ((np.arange(count) + 0.5) / count - 0.5)
+
+
 def _make_lens(name):
     from vi_ekf_slam.simulation.pictures import lens
     return {"pinhole": lens.Pinhole, "radtan": lens.Radtan, "fisheye": lens.Fisheye}[name]()
@@ -123,9 +131,9 @@ def _draw_pictures(base, motion, stamps, cameras, lens, options, random):
     scene = SCENES[options.scene](random)
     cars = [Car(random.uniform(0.3, 6.0), random.choice([-0.25, 0.12]), -3.5 + 7.0 * (k % 2), random)
             for k in range(options.cars)]
-    moments = np.linspace(-0.5, 0.5, 5) * options.exposure if options.exposure > 0.0 else np.zeros(1)
     for stamp in tqdm(stamps, desc="pictures", unit="", disable=options.quiet or not sys.stderr.isatty()):
         t = (stamp - START) * 1e-9
+        moments = _moments(motion, t, options.exposure, lens.focal_length)
         gain = 1.0 + options.exposure_drift * np.sin(0.7 * t)
         for name, imu_T_cam in zip(("cam0", "cam1"), cameras):
             drawn = [lens.draw(scene + [face for car in cars for face in car.at(t + d)], inverse(motion.pose(t + d) @ imu_T_cam))
