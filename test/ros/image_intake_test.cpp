@@ -69,6 +69,11 @@ TEST_F(Calibration, knows_each_distortion_by_its_name) {
       "equidistant",
       problem_);
   EXPECT_TRUE(make(ImageKind::kRectified)) << problem_;
+  right_.distortion_model = "none"; // of a simulator
+  right_.D.clear();
+  EXPECT_FALSE(make());
+  EXPECT_NE(std::string::npos,
+            problem_.find("equidistant; empty where D is 0; any with front_end/images: rectified"));
 }
 
 TEST_F(Calibration, takes_what_is_not_stated_as_nothing_to_rectify) {

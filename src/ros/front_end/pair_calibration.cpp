@@ -21,8 +21,9 @@ CameraModel cameraModel(const sensor_msgs::CameraInfo& info, ImageKind images) {
     while (p.D.size() > 4 && p.D.back() == 0.0) p.D.pop_back(); // as a RealSense T265 has it
   } else if (model != "plumb_bob" && model != "rational_polynomial" && !(model.empty() && is_without) &&
              images != ImageKind::kRectified) {
-    throw std::invalid_argument("distortion_model is '" + model +
-                                "', allowed: plumb_bob, rational_polynomial, equidistant");
+    throw std::invalid_argument(
+        "distortion_model is '" + model + "', allowed: plumb_bob, rational_polynomial, equidistant" +
+        (is_without ? "; empty where D is 0; any with front_end/images: rectified" : ""));
   }
   p.images_are_rectified = images == ImageKind::kRectified || (images == ImageKind::kAuto && isRectified(p));
   return CameraModel(p);
