@@ -167,6 +167,11 @@ def losing(entries):
     return [entry for entry in entries if entry[0] != "/imu" or entry[2].header.stamp.nsecs > 4e8]
 
 
+def losing_some(entries):
+    """The IMU is away for 0.03 s of each half."""
+    return [entry for entry in entries if entry[0] != "/imu" or entry[2].header.stamp.nsecs % 500000000 > 30000000]
+
+
 def no_stamp(entries, topic="/features"):
     return every(entries, 1, lambda message: setattr(message.header, "stamp", genpy.Time()), topic)
 

@@ -7,10 +7,11 @@ import genpy
 import numpy as np
 import pytest
 import rigs
-from breaking import (accelerations, backwards, burst, every, exchange_infos, exchanged, extrinsic, features, foreign_gyro,
-                      gyro, half_resolution, infos, late, looping, losing, matrices_of_half_resolution, no_stamp, not_a_number,
-                      not_a_pair, one_above_the_other, one_frame, other_rows, quiet_statement, renamed, repeated, scale_baseline,
-                      sent_twice, turned_imu, two_imus, with_P, wrong_focal_length)
+from breaking import (accelerations, backwards, burst, every, exchange_infos, exchanged, extrinsic, features,
+                      foreign_gyro, gyro, half_resolution, infos, late, looping, losing, losing_some,
+                      matrices_of_half_resolution, no_stamp, not_a_number, not_a_pair, one_above_the_other, one_frame,
+                      other_rows, quiet_statement, renamed, repeated, scale_baseline, sent_twice, turned_imu, two_imus,
+                      with_P, wrong_focal_length)
 
 from vi_ekf_slam.common.geometry import inverse, make_transform, quaternion_to_rotation, so3_exp, so3_log
 from vi_ekf_slam.rig_check.checker import make_report
@@ -47,6 +48,7 @@ FAULTS = {
     "two clocks": (RED, "/imu and /features have two clocks", lambda e: rigs.shift_stamps(e, -1e6, "/features"), False),
     "late": (RED, "/features comes 0.4 s later after its stamp", lambda e: late(e, "/features", lambda t: 0.4), False),
     "gaps": (RED, "/imu has gaps", losing, False),
+    "holes": (YELLOW, "/imu has gaps", losing_some, False),
     "bursts": (YELLOW, "/imu stutters", burst, False),
     "in g": (RED, "accelerations are in g", lambda e: accelerations(e, lambda a: a / 9.80665), False),
     "without gravity": (RED, "gravity is missing", lambda e: accelerations(e, lambda a: 0.1 * (a - [0, 0, 9.81])), False),
